@@ -1,0 +1,29 @@
+#![doc = include_str!("ARCHITECTURE.md")]
+
+// L0: vocabulary. Pure, no I/O.
+pub mod angle;
+pub mod geo;
+pub mod limits;
+pub mod sampled;
+pub mod signal;
+pub mod time;
+pub mod units;
+
+// L1: wire to samples.
+pub mod bus;
+pub mod proto;
+
+// L2 to L4: state, what the pilot is told, how it is drawn. Pure.
+pub mod display;
+pub mod draw;
+pub mod state;
+
+// Terrain: pure but for its files and its thread.
+pub mod terrain;
+
+// L5: the hazards. GL, and the screens (EGL, OSMesa, KMS).
+pub mod gl;
+pub mod screen;
+
+// L6: composition.
+pub mod app;

@@ -1,0 +1,5 @@
+//! Fused, validated flight state. Pure: signals and `now` in, a snapshot out.
+
+pub mod snapshot;
+
+pub use snapshot::FlightState;
