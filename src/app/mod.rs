@@ -1,4 +1,8 @@
-//! Composition.
+//! Composition: the command line, the board file, the threads and the frame loop.
+
+pub mod error;
+
+pub use error::{Failure, Kind};
 
 /// Runs the program on the process's own arguments.
 #[must_use]
