@@ -4,6 +4,7 @@ pub mod board;
 pub mod error;
 pub mod figures;
 pub mod frames;
+pub mod health;
 pub mod picture;
 
 pub use error::{Failure, Kind};
