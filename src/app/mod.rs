@@ -1,6 +1,11 @@
 //! Composition: the command line, the board file, the threads and the frame loop.
 
+pub mod board;
 pub mod error;
+pub mod figures;
+pub mod frames;
+pub mod health;
+pub mod picture;
 
 pub use error::{Failure, Kind};
 
