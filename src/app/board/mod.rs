@@ -30,8 +30,8 @@ pub struct Board {
     pub screen: ScreenWish,
     /// Horizontal field of view of the picture.
     pub hfov: Radians,
-    /// What the pilot reads speeds, heights and pressures in.
-    pub units: Units,
+    /// What the pilot reads the altimeter setting in.
+    pub pressure: PressureUnit,
     /// Airspeed marks; absent ones are not drawn.
     pub airspeeds: Airspeeds,
     /// Terrain.
@@ -72,24 +72,6 @@ pub struct ScreenWish {
     pub connector: Option<String>,
     /// The mode as `WIDTHxHEIGHT` or `WIDTHxHEIGHT@HZ`; the preferred one if none.
     pub mode: Option<String>,
-}
-
-/// Display units.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Units {
-    /// Of speeds.
-    pub speed: SpeedUnit,
-    /// Of the pressure setting.
-    pub pressure: PressureUnit,
-}
-
-/// Unit of displayed speeds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SpeedUnit {
-    /// Knots.
-    Knots,
-    /// Kilometres per hour.
-    KilometresPerHour,
 }
 
 /// Unit of the displayed pressure setting.
@@ -278,7 +260,7 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
     let sources = root.tables("source", problems);
     let screen_wish = read_screen(&mut screen, problems);
     let hfov = view.number("hfov_deg", 2.0..=120.0, problems);
-    let display_units = read_units(&mut units, problems);
+    let pressure = read_units(&mut units, problems);
     let marks = read_airspeeds(&mut airspeeds, problems);
     let terrain_wish = read_terrain(&mut terrain, file, problems);
     let devices = input.flag("devices", problems);
@@ -290,7 +272,7 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
         file: file.to_owned(),
         screen: screen_wish?,
         hfov: Radians::from_degrees(hfov?),
-        units: display_units?,
+        pressure: pressure?,
         airspeeds: marks,
         terrain: terrain_wish?,
         sources,
@@ -326,27 +308,12 @@ fn read_screen(r: &mut Reader, problems: &mut Vec<Problem>) -> Option<ScreenWish
     })
 }
 
-fn read_units(r: &mut Reader, problems: &mut Vec<Problem>) -> Option<Units> {
-    let speed = r.choice(
-        "speed",
-        &[
-            ("kt", SpeedUnit::Knots),
-            ("km/h", SpeedUnit::KilometresPerHour),
-        ],
-        problems,
-    );
-    let pressure = r.choice(
-        "pressure",
-        &[
-            ("hPa", PressureUnit::Hectopascals),
-            ("inHg", PressureUnit::InchesOfMercury),
-        ],
-        problems,
-    );
-    Some(Units {
-        speed: speed?,
-        pressure: pressure?,
-    })
+fn read_units(r: &mut Reader, problems: &mut Vec<Problem>) -> Option<PressureUnit> {
+    let units = [
+        ("hPa", PressureUnit::Hectopascals),
+        ("inHg", PressureUnit::InchesOfMercury),
+    ];
+    r.choice("pressure", &units, problems)
 }
 
 fn read_airspeeds(r: &mut Reader, problems: &mut Vec<Problem>) -> Airspeeds {
