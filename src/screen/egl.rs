@@ -15,8 +15,6 @@ type Api = egl::DynamicInstance<egl::EGL1_4>;
 /// `EGL_PLATFORM_SURFACELESS_MESA`.
 pub(super) const PLATFORM_SURFACELESS: egl::Enum = 0x31DD;
 
-const CHECK_DRIVER: &str = "check the GPU driver: apt install libegl-mesa0 libgl1-mesa-dri";
-
 /// The library. Loaded once and never unloaded: GL function pointers taken from it stay valid to the end.
 fn api() -> Result<&'static Api, ScreenError> {
     static API: OnceLock<Result<Api, String>> = OnceLock::new();
@@ -141,19 +139,17 @@ fn create_context(
 }
 
 fn refused(platform: &str, doing: &'static str, error: egl::Error) -> ScreenError {
-    ScreenError::Egl {
+    ScreenError::Driver {
         platform: platform.to_owned(),
         doing,
         why: error.to_string(),
-        remedy: CHECK_DRIVER,
     }
 }
 
 fn no_es3(platform: &str, why: &str) -> ScreenError {
-    ScreenError::Egl {
+    ScreenError::Driver {
         platform: platform.to_owned(),
         doing: "looking for OpenGL ES 3",
         why: why.to_owned(),
-        remedy: CHECK_DRIVER,
     }
 }

@@ -12,6 +12,7 @@
 
 mod egl;
 mod error;
+pub mod osmesa;
 pub mod surfaceless;
 
 use std::ffi::{CStr, c_void};
