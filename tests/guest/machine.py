@@ -73,6 +73,8 @@ class Kernel:
             root = os.path.join(scratch, "root")
             run("dpkg-deb", "-x", glob.glob(os.path.join(scratch, "*.deb"))[0], root)
             version = os.listdir(os.path.join(root, "lib/modules"))[0]
+            with open(os.path.join(root, "package-version"), "w") as file:
+                file.write(run("dpkg-deb", "-f", glob.glob(os.path.join(scratch, "*.deb"))[0], "Version"))
             run("depmod", "-b", root, version)
             unpack_image(os.path.join(root, "boot", f"vmlinuz-{version}"), os.path.join(root, "vmlinux"))
             open(os.path.join(root, "ready"), "w").close()
@@ -190,8 +192,8 @@ class Job:
 class Machine:
     """A running guest: start it, give it scripts, look at its screen."""
 
-    def __init__(self, cache, width_px, height_px):
-        self.kernel = Kernel(os.path.join(cache, "guest"))
+    def __init__(self, kernel, width_px, height_px):
+        self.kernel = kernel
         # Sockets have short names only, so this is not below the project.
         self.folder = tempfile.mkdtemp(prefix="glasswing-guest-")
         self.exchange = os.path.join(self.folder, "exchange")
