@@ -147,6 +147,11 @@ def the_tests_of_the_screen_pass_on_a_display_with_vertical_blank(bench):
 def a_card_appears(bench):
     """virtio-gpu: atomic modesetting and a scanout, no vertical blank."""
     bench.succeed("modprobe -a virtio_gpu virtio_input evdev && until [ -e /dev/dri/card0 ]; do sleep 0.2; done")
+    # What is compared below has to be able to differ.
+    bench.guest.screenshot(os.path.join(bench.out, "console.png"))
+    console = picture.read(os.path.join(bench.out, "console.png"))
+    apart = picture.Difference(bench.reference, console, LEVELS_APART)
+    demand(apart.beyond > 0.5, f"the console looks like the picture: {100 * apart.beyond:.1f} % of the pixels differ")
     return bench.succeed("cat /sys/class/drm/card0-*/status").strip()
 
 
