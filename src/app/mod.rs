@@ -1,5 +1,6 @@
 //! Composition: the command line, the board file, the threads and the frame loop.
 
+pub mod decode;
 pub mod error;
 
 pub use error::{Failure, Kind};
