@@ -1,7 +1,12 @@
 //! Composition: the command line, the board file, the threads and the frame loop.
 
+pub mod board;
 pub mod decode;
 pub mod error;
+pub mod figures;
+pub mod frames;
+pub mod health;
+pub mod picture;
 
 pub use error::{Failure, Kind};
 
