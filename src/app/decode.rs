@@ -100,6 +100,8 @@ struct Outcome {
     counters: Counters,
     truncated: u64,
     malformed: u64,
+    /// Frames of the bus that no decoder is given: remote requests, error frames, CAN FD.
+    without_data: u64,
     damage: Option<CaptureError>,
 }
 
@@ -169,6 +171,7 @@ fn decode(
         counters: Counters::default(),
         truncated: 0,
         malformed: 0,
+        without_data: 0,
         damage: None,
     };
     match protocol {
@@ -176,6 +179,7 @@ fn decode(
         Protocol::CanAerospace => read_candump(path, bytes, &mut run, &mut outcome)?,
     }
     outcome.counters = *run.decoder.counters();
+    outcome.counters.ignored += outcome.without_data;
     Ok(outcome)
 }
 
@@ -214,7 +218,7 @@ fn read_candump(
     run: &mut Run<'_>,
     outcome: &mut Outcome,
 ) -> Result<(), Failure> {
-    let (mut frames, mut without_data) = (0_u64, 0_u64);
+    let mut frames = 0_u64;
     // Lines are taken as bytes, so that damage in one costs that one.
     for line in bytes.split(|&b| b == b'\n') {
         let line = std::str::from_utf8(line).map_or(CandumpLine::Malformed, CandumpLine::parse);
@@ -224,11 +228,11 @@ fn read_candump(
                 frames += 1;
                 run.push(seconds, Wire::Can(can));
             }
-            CandumpLine::NoData => without_data += 1,
+            CandumpLine::NoData => outcome.without_data += 1,
             CandumpLine::Malformed => outcome.malformed += 1,
         }
     }
-    if frames + without_data == 0 {
+    if frames + outcome.without_data == 0 {
         return Err(if outcome.malformed == 0 {
             empty(path)
         } else {

@@ -167,9 +167,9 @@ fn motion(bytes: &[u8], out: &mut Emitter<'_, '_>) {
     let (north, east) = (feet_at(bytes, V_NORTH), feet_at(bytes, V_EAST));
     let speed = north.hypot(east);
     out.emit(Parameter::GroundSpeed, speed);
-    // NaN is not below the threshold, so a broken velocity breaks the track too.
-    let track_is_noise = speed < TRACK_SPEED_MIN_MPS;
-    if !track_is_noise {
+    if !speed.is_finite() {
+        out.emit(Parameter::Track, f64::NAN);
+    } else if speed >= TRACK_SPEED_MIN_MPS {
         out.emit(Parameter::Track, wrap_turn(Radians(east.atan2(north))).0);
     }
     let g = STANDARD_GRAVITY_MPS2;
@@ -230,7 +230,8 @@ fn within_f32(angle: f64, limit: f64) -> f64 {
         reason = "rounding to 32 bits is the purpose"
     )]
     let limit_f32 = f64::from(limit as f32);
-    if angle.abs() <= limit || angle.abs() > limit_f32 {
+    let is_the_limit_rounded_up = angle.abs() > limit && angle.abs() <= limit_f32;
+    if !is_the_limit_rounded_up {
         angle
     } else if limit < PI {
         limit.copysign(angle)
@@ -290,6 +291,8 @@ mod tests {
             Parameter::Roll.check(within_f32(more, PI)).is_err(),
             "more than half a turn"
         );
-        assert!(within_f32(f64::NAN, PI).is_nan(), "NaN stays NaN");
+        for limit in [FRAC_PI_2, PI] {
+            assert!(within_f32(f64::NAN, limit).is_nan(), "NaN stays NaN");
+        }
     }
 }
