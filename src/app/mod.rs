@@ -6,7 +6,9 @@ pub mod error;
 pub mod figures;
 pub mod frames;
 pub mod health;
+pub mod intake;
 pub mod picture;
+pub mod sources;
 
 pub use error::{Failure, Kind};
 
