@@ -137,7 +137,7 @@ impl RunFigures {
     }
 }
 
-/// Draws until told to stop. `state` gives the newest snapshot; `before_frame` may change the pilot's settings.
+/// Draws until told to stop. `state` gives the state at a time; `before_frame` may change the pilot's settings.
 ///
 /// # Errors
 /// When the screen refuses to show a picture, or frames cannot be written.
@@ -146,7 +146,7 @@ pub fn fly(
     cockpit: &mut Cockpit,
     plan: Plan,
     mut before_frame: impl FnMut(&mut Cockpit),
-    mut state: impl FnMut() -> FlightState,
+    mut state: impl FnMut(Monotonic) -> FlightState,
 ) -> Result<RunFigures, Failure> {
     let Plan { stop, duration, headless_period, mut frames, pulse, started } = plan;
     let mut figures = RunFigures::new();
@@ -156,8 +156,8 @@ pub fn fly(
     while !stop.load(Ordering::Acquire) && end.is_none_or(|end| Monotonic::read() < end) {
         let now = Monotonic::read();
         before_frame(cockpit);
-        let state = state();
-        let drawn = cockpit.draw(&state, now, screen.is_headless());
+        let state = state(now);
+        let drawn = cockpit.draw(&state, now);
         if let Some((writer, every)) = &mut frames
             && figures.frames.is_multiple_of(*every)
         {
