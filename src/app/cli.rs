@@ -1,7 +1,7 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, demo, list, run, shot, terrain};
+use crate::app::{check, decode, run, shot, terrain};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -30,14 +30,14 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
-    Demo(demo::DemoArgs),
+    //DEMO
     /// Bakes elevation data into a pack, and looks into packs
     #[command(subcommand)]
     Terrain(terrain::TerrainCommand),
     Shot(shot::ShotArgs),
     Decode(decode::DecodeArgs),
     Check(check::CheckArgs),
-    List(list::ListArgs),
+    //LIST
 }
 
 /// Runs the program on the process's own arguments.
@@ -53,15 +53,17 @@ pub fn main() -> ExitCode {
         }
     };
     log_to_stderr(cli.verbose);
-    let command = cli.command.unwrap_or_else(|| Command::Run(run::RunArgs::default()));
+    let command = cli
+        .command
+        .unwrap_or_else(|| Command::Run(run::RunArgs::default()));
     let outcome = match command {
         Command::Run(args) => run::run(args),
-        Command::Demo(args) => demo::run(args),
+        //DEMO
         Command::Terrain(command) => terrain::run(command).map_err(|f| vec![f]),
         Command::Shot(args) => shot::run(args).map_err(|f| vec![f]),
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),
         Command::Check(args) => check::run(args),
-        Command::List(args) => list::run(args).map_err(|f| vec![f]),
+        //LIST
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -70,7 +72,11 @@ pub fn main() -> ExitCode {
 }
 
 fn log_to_stderr(verbose: bool) {
-    let level = if verbose { tracing::Level::INFO } else { tracing::Level::WARN };
+    let level = if verbose {
+        tracing::Level::INFO
+    } else {
+        tracing::Level::WARN
+    };
     // A second subscriber can only be refused when a test has set its own: that one stays.
     let _ = tracing_subscriber::fmt()
         .with_max_level(level)
@@ -84,7 +90,11 @@ fn log_to_stderr(verbose: bool) {
 fn wrong_usage(e: &clap::Error) -> Failure {
     let page = e.to_string();
     let mut lines = page.lines().map(str::trim).filter(|l| !l.is_empty());
-    let first = lines.next().unwrap_or("not understood").trim_start_matches("error: ").to_owned();
+    let first = lines
+        .next()
+        .unwrap_or("not understood")
+        .trim_start_matches("error: ")
+        .to_owned();
     // "the following arguments were not provided:" names them on the lines below.
     let named: Vec<&str> = if first.ends_with(':') {
         lines.take_while(|l| !l.starts_with("Usage")).collect()
@@ -92,8 +102,11 @@ fn wrong_usage(e: &clap::Error) -> Failure {
         Vec::new()
     };
     let why = [first.as_str(), &named.join(" ")].join(" ");
-    let asked: Vec<String> =
-        std::env::args().skip(1).take_while(|a| !a.starts_with('-')).take(2).collect();
+    let asked: Vec<String> = std::env::args()
+        .skip(1)
+        .take_while(|a| !a.starts_with('-'))
+        .take(2)
+        .collect();
     let commands = ["run", "demo", "shot", "decode", "check", "list"];
     let todo = match asked.first().map(String::as_str) {
         Some("terrain") => "see glasswing terrain --help".to_owned(),
@@ -115,5 +128,7 @@ fn complain(failures: &[Failure]) -> ExitCode {
             cause = e.source();
         }
     }
-    failures.first().map_or(ExitCode::FAILURE, Failure::exit_code)
+    failures
+        .first()
+        .map_or(ExitCode::FAILURE, Failure::exit_code)
 }

@@ -24,7 +24,7 @@ use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
 use crate::terrain::scene::Settings;
 use crate::time::Monotonic;
-use crate::units::{Hectopascals, HECTOPASCALS_PER_INCH_OF_MERCURY, Metres};
+use crate::units::{HECTOPASCALS_PER_INCH_OF_MERCURY, Hectopascals, Metres};
 use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -139,7 +139,11 @@ impl Cockpit {
         let started = Monotonic::read();
         let mut drawn = Drawn::default();
         // Terrain can only load where a camera asks for it: ask as if it were there, then say what there is.
-        self.ui.terrain = if self.terrain.is_some() { Terrain::Ready } else { Terrain::NoPack };
+        self.ui.terrain = if self.terrain.is_some() {
+            Terrain::Ready
+        } else {
+            Terrain::NoPack
+        };
         let mut model = Model::build(state, &self.ui, &self.config, now);
         let camera = self.camera(&model);
         let mut own = Monotonic::read().since(started).unwrap_or_default();
@@ -147,7 +151,8 @@ impl Cockpit {
         self.target.bind();
         self.gpu.clear([0.0, 0.0, 0.0, 1.0]);
         if let (Some(camera), Some(ground)) = (camera, &mut self.terrain) {
-            self.ui.terrain = show_terrain(ground, &self.sky, &camera, self.quota_texels, &mut drawn);
+            self.ui.terrain =
+                show_terrain(ground, &self.sky, &camera, self.quota_texels, &mut drawn);
             if self.ui.terrain != Terrain::Ready {
                 model = Model::build(state, &self.ui, &self.config, now);
             }
@@ -155,7 +160,8 @@ impl Cockpit {
         let listing = Monotonic::read();
         draw::draw(&model, &self.layout, &self.atlas, &mut self.list);
         own += Monotonic::read().since(listing).unwrap_or_default();
-        self.vector.draw(&self.list, self.target.width(), self.target.height());
+        self.vector
+            .draw(&self.list, self.target.width(), self.target.height());
         drawn.draw_calls += 1;
         self.target.resolve();
         if let Some(window) = &self.window {
@@ -179,7 +185,11 @@ impl Cockpit {
             }
         };
         let camera = Camera {
-            eye: Geodetic { latitude, longitude, height_ellipsoid },
+            eye: Geodetic {
+                latitude,
+                longitude,
+                height_ellipsoid,
+            },
             attitude: inputs.attitude,
             hfov: self.config.hfov,
             width_px: self.target.width(),
@@ -234,7 +244,10 @@ fn show_terrain(
         return Terrain::Loading;
     }
     let (s, w, n, e) = ground.pack.info().bounds_deg;
-    let (lat, lon) = (camera.eye.latitude.to_degrees(), camera.eye.longitude.to_degrees());
+    let (lat, lon) = (
+        camera.eye.latitude.to_degrees(),
+        camera.eye.longitude.to_degrees(),
+    );
     if !(s..=n).contains(&lat) || !(w..=e).contains(&lon) {
         return Terrain::Outside;
     }

@@ -148,7 +148,14 @@ pub fn fly(
     mut before_frame: impl FnMut(&mut Cockpit),
     mut state: impl FnMut(Monotonic) -> FlightState,
 ) -> Result<RunFigures, Failure> {
-    let Plan { stop, duration, headless_period, mut frames, pulse, started } = plan;
+    let Plan {
+        stop,
+        duration,
+        headless_period,
+        mut frames,
+        pulse,
+        started,
+    } = plan;
     let mut figures = RunFigures::new();
     let loop_started = Monotonic::read();
     let end = duration.map(|d| loop_started.plus(d));
@@ -161,13 +168,19 @@ pub fn fly(
         if let Some((writer, every)) = &mut frames
             && figures.frames.is_multiple_of(*every)
         {
-            let row = FrameRow { number: figures.frames, now, state };
+            let row = FrameRow {
+                number: figures.frames,
+                now,
+                state,
+            };
             writer.write(row, |pixels| cockpit.read_rgba(pixels));
         }
         let flip = screen.present().map_err(|e| screen_failed(&e))?;
         pulse.flipped(flip.at);
         let presented = Monotonic::read();
-        figures.frame_time.add(presented.since(now).unwrap_or_default());
+        figures
+            .frame_time
+            .add(presented.since(now).unwrap_or_default());
         figures.own_time.add(drawn.own_time);
         figures.missed_flips += u64::from(flip.missed);
         for ((_, parameter), ages) in AGE_GROUPS.iter().zip(&mut figures.ages) {
@@ -175,7 +188,9 @@ pub fn fly(
                 ages.add(presented.since(at).unwrap_or_default());
             }
         }
-        figures.first_frame.get_or_insert_with(|| presented.since(started).unwrap_or_default());
+        figures
+            .first_frame
+            .get_or_insert_with(|| presented.since(started).unwrap_or_default());
         if drawn.terrain_shown && figures.first_terrain.is_none() {
             figures.first_terrain = presented.since(started);
         }

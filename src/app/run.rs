@@ -26,8 +26,10 @@ const BOARD: &str = "/etc/glasswing/board.toml";
 
 /// Flies: draws terrain and instruments until told to stop
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Frames: --frames-dir writes frame-NNNNNN.png and frames.csv, the state that each picture shows.\n\n\
-    Example:\n  glasswing run --board boards/headless.toml --pack bohemia.pack --frames-dir frames --seconds 60")]
+#[command(
+    after_help = "Frames: --frames-dir writes frame-NNNNNN.png and frames.csv, the state that each picture shows.\n\n\
+    Example:\n  glasswing run --board boards/headless.toml --pack bohemia.pack --frames-dir frames --seconds 60"
+)]
 pub struct RunArgs {
     /// The board file: screen, sources, terrain
     #[arg(long, value_name = "FILE", default_value = BOARD)]
@@ -125,8 +127,13 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
 }
 
 fn no_thread(e: std::io::Error) -> Failure {
-    Failure::new(Kind::Other, "threads", "the system refuses one more", "stop other programs")
-        .caused_by(e)
+    Failure::new(
+        Kind::Other,
+        "threads",
+        "the system refuses one more",
+        "stop other programs",
+    )
+    .caused_by(e)
 }
 
 /// A flag that SIGINT and SIGTERM set.
@@ -187,9 +194,18 @@ fn frame_writer(
     screen: &dyn Screen,
     started: Monotonic,
 ) -> Result<Option<(FrameWriter, u64)>, Failure> {
-    let Some(folder) = &args.frames_dir else { return Ok(None) };
+    let Some(folder) = &args.frames_dir else {
+        return Ok(None);
+    };
     let (width_px, height_px) = screen.size_px();
-    let writer = FrameWriter::start(folder, Size { width_px, height_px }, started)?;
+    let writer = FrameWriter::start(
+        folder,
+        Size {
+            width_px,
+            height_px,
+        },
+        started,
+    )?;
     Ok(Some((writer, args.every)))
 }
 
@@ -216,7 +232,12 @@ pub fn with_sources(mut figures: Value, sources: &[SourceThread]) -> Value {
 /// When the file cannot be written; names it.
 pub fn write_json(file: &Path, document: &Value) -> Result<(), Failure> {
     std::fs::write(file, format!("{document:#}\n")).map_err(|e| {
-        Failure::new(Kind::Other, file.display(), "cannot be written", "check folder and room")
-            .caused_by(e)
+        Failure::new(
+            Kind::Other,
+            file.display(),
+            "cannot be written",
+            "check folder and room",
+        )
+        .caused_by(e)
     })
 }
