@@ -46,11 +46,26 @@ pub fn ring(shape: Shape, hole: Option<CellRect>, rows: (i32, i32), out: &mut Bl
         y1: w,
     };
     let bands = match hole {
-        None => [full, CellRect { y1: 0, ..full }, CellRect { y1: 0, ..full }, CellRect { y1: 0, ..full }],
+        None => [
+            full,
+            CellRect { y1: 0, ..full },
+            CellRect { y1: 0, ..full },
+            CellRect { y1: 0, ..full },
+        ],
         Some(h) => [
             CellRect { y1: h.y0, ..full },
-            CellRect { y0: h.y0, y1: h.y1, x1: h.x0, ..full },
-            CellRect { y0: h.y0, y1: h.y1, x0: h.x1, ..full },
+            CellRect {
+                y0: h.y0,
+                y1: h.y1,
+                x1: h.x0,
+                ..full
+            },
+            CellRect {
+                y0: h.y0,
+                y1: h.y1,
+                x0: h.x1,
+                ..full
+            },
             CellRect { y0: h.y1, ..full },
         ],
     };
@@ -75,7 +90,10 @@ fn cut(longest: i32, rect: CellRect, out: &mut Blocks) -> bool {
     for b in 0..up {
         let (y0, y1) = (rect.y0 + height * b / up, rect.y0 + height * (b + 1) / up);
         for a in 0..across {
-            let (x0, x1) = (rect.x0 + width * a / across, rect.x0 + width * (a + 1) / across);
+            let (x0, x1) = (
+                rect.x0 + width * a / across,
+                rect.x0 + width * (a + 1) / across,
+            );
             let block = Block {
                 x: byte(x0),
                 y: byte(y0),
@@ -237,7 +255,11 @@ mod tests {
                 assert_eq!(times, 1, "edge {a:?} {b:?}");
                 if !edges.contains_key(&(b, a)) {
                     assert!(outline(a) && outline(b), "open edge {a:?} {b:?}");
-                    assert_eq!((a.0 % 2, a.1 % 2, b.0 % 2, b.1 % 2), (0, 0, 0, 0), "even posts");
+                    assert_eq!(
+                        (a.0 % 2, a.1 % 2, b.0 % 2, b.1 % 2),
+                        (0, 0, 0, 0),
+                        "even posts"
+                    );
                 }
             }
         }
@@ -248,10 +270,15 @@ mod tests {
         let shape = Shape::new(127).expect("a legal shape");
         let (vertices, indices) = (pattern_vertices(shape), pattern_indices(shape));
         for (x, y) in [(20, 20), (21, 20), (20, 21), (21, 21)] {
-            let block = Block { x, y, width: 9, height: 17 };
+            let block = Block {
+                x,
+                y,
+                width: 9,
+                height: 17,
+            };
             for t in indices.chunks_exact(3) {
-                let t = [t[0], t[1], t[2]]
-                    .map(|v| vertex_cell(shape, block, vertices[usize::from(v)]));
+                let t =
+                    [t[0], t[1], t[2]].map(|v| vertex_cell(shape, block, vertices[usize::from(v)]));
                 if area2(t) == 0 {
                     continue;
                 }

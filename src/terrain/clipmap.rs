@@ -119,12 +119,7 @@ fn origin(shape: Shape, x: f64, current: Option<i32>) -> i32 {
 
 /// The eye among the posts of a level: continuous post coordinates of a longitude and a latitude in degrees.
 #[must_use]
-pub fn post_position(
-    grid: Grid,
-    level: u8,
-    longitude_deg: f64,
-    latitude_deg: f64,
-) -> (f64, f64) {
+pub fn post_position(grid: Grid, level: u8, longitude_deg: f64, latitude_deg: f64) -> (f64, f64) {
     let per_degree = f64::from(grid.posts_per_degree) / f64::from(1_u32 << level);
     (longitude_deg * per_degree, latitude_deg * per_degree)
 }

@@ -123,8 +123,7 @@ impl Viewer {
             return None;
         }
         let scaled_r = r / self.occluder.z;
-        let top = 1.0
-            + (bound.height_max_m + WGS84_B_M - self.occluder.z) / self.occluder.z;
+        let top = 1.0 + (bound.height_max_m + WGS84_B_M - self.occluder.z) / self.occluder.z;
         let reach = self.horizon + (top * top - 1.0).max(0.0).sqrt();
         if (to / self.occluder).length() - scaled_r > reach {
             return None;
@@ -202,6 +201,9 @@ mod tests {
         let viewer = Viewer::new(&camera, 0.0);
         // At 222 km: the horizon of 100 m is 36 km (44 with the margin) off, that of 9000 m 339 km.
         assert!(viewer.sees(&Bound::of(&patch(100.0))).is_none(), "plain");
-        assert!(viewer.sees(&Bound::of(&patch(9000.0))).is_some(), "mountain");
+        assert!(
+            viewer.sees(&Bound::of(&patch(9000.0))).is_some(),
+            "mountain"
+        );
     }
 }

@@ -191,7 +191,10 @@ fn radians(grid: Grid, posts: i32) -> f64 {
 fn meridian(latitude: f64, height_m: f64) -> (f64, f64) {
     let (sin, cos) = latitude.sin_cos();
     let n = prime_vertical_radius_m(sin);
-    ((n + height_m) * cos, (n * (1.0 - WGS84_E2) + height_m) * sin)
+    (
+        (n + height_m) * cos,
+        (n * (1.0 - WGS84_E2) + height_m) * sin,
+    )
 }
 
 #[expect(
@@ -224,11 +227,25 @@ mod tests {
         // 935 px per radian is 1920 x 1080 at 60 degrees vertical; the goal is a thousandth of a pixel, 1.07e-6 rad. The
         // bound held here is 2e-7 of the distance seen from the eye plus of the eye's distance from the anchor.
         for ppd in [1200, 3600] {
-            let grid = Grid { posts_per_degree: ppd };
+            let grid = Grid {
+                posts_per_degree: ppd,
+            };
             let ppd = i32::try_from(ppd).expect("small");
             let heights = HeightCode::covering(-430.0, 8850.0);
-            for (lat, lon) in [(0, 0), (45, 14), (-33, -71), (88, 30), (-20, 180), (60, -180)] {
-                for (ground_m, above_m) in [(-430.0, 0.3), (0.0, 300.0), (8848.0, 0.3), (4000.0, 18_000.0)] {
+            for (lat, lon) in [
+                (0, 0),
+                (45, 14),
+                (-33, -71),
+                (88, 30),
+                (-20, 180),
+                (60, -180),
+            ] {
+                for (ground_m, above_m) in [
+                    (-430.0, 0.3),
+                    (0.0, 300.0),
+                    (8848.0, 0.3),
+                    (4000.0, 18_000.0),
+                ] {
                     let post = AnchorPost {
                         i: lon * ppd + 7,
                         j: lat * ppd - 3,
@@ -244,24 +261,43 @@ mod tests {
                     let origin = anchor.ecef() - eye;
                     let o = [origin.x as f32, origin.y as f32, origin.z as f32];
                     for (di, dj, dh) in [
-                        (0, 0, 0), (1, 0, 4), (0, 1, -4), (3, -5, 40), (60, 80, 900), (-900, 300, -600),
-                        (9000, -12_000, 3000), (-40_000, 9_000, 0),
+                        (0, 0, 0),
+                        (1, 0, 4),
+                        (0, 1, -4),
+                        (3, -5, 40),
+                        (60, 80, 900),
+                        (-900, 300, -600),
+                        (9000, -12_000, 3000),
+                        (-40_000, 9_000, 0),
                     ] {
                         let (i, j) = (post.i + di, post.j + dj);
                         let code = i32::from(post.code) + dh;
-                        let Ok(code) = u16::try_from(code) else { continue };
+                        let Ok(code) = u16::try_from(code) else {
+                            continue;
+                        };
                         let truth = Geodetic::from_degrees(
                             grid.latitude_deg(0, j),
                             grid.longitude_deg(0, i),
                             heights.decode(code),
                         )
-                        .to_ecef() - eye;
-                        let rise = f32::from(i16::try_from(dh).expect("small")) * heights.unit_m as f32;
-                        let p = shader(o, anchor.axis_distance_m() as f32, anchor.column(i), anchor.row(j), rise);
+                        .to_ecef()
+                            - eye;
+                        let rise =
+                            f32::from(i16::try_from(dh).expect("small")) * heights.unit_m as f32;
+                        let p = shader(
+                            o,
+                            anchor.axis_distance_m() as f32,
+                            anchor.column(i),
+                            anchor.row(j),
+                            rise,
+                        );
                         let p = DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
                         let bound = 2e-7 * (truth.length() + origin.length()) + 2e-9;
                         let error = (p - truth).length();
-                        assert!(error <= bound, "{lat} {lon} {ground_m} {di} {dj}: {error} > {bound}");
+                        assert!(
+                            error <= bound,
+                            "{lat} {lon} {ground_m} {di} {dj}: {error} > {bound}"
+                        );
                     }
                 }
             }
@@ -270,11 +306,20 @@ mod tests {
 
     #[test]
     fn a_post_has_the_same_entry_on_every_level_and_on_both_sides_of_the_date_line() {
-        let grid = Grid { posts_per_degree: 1200 };
+        let grid = Grid {
+            posts_per_degree: 1200,
+        };
         let heights = HeightCode::covering(0.0, 100.0);
-        let post = AnchorPost { i: 215_990, j: 100, code: 8192 };
+        let post = AnchorPost {
+            i: 215_990,
+            j: 100,
+            code: 8192,
+        };
         let anchor = Anchor::new(grid, heights, post);
-        let (column, again) = (anchor.column(216_004), anchor.column(216_004 - grid.posts_around()));
+        let (column, again) = (
+            anchor.column(216_004),
+            anchor.column(216_004 - grid.posts_around()),
+        );
         for k in 0..4 {
             assert!((column[k] - again[k]).abs() < 1e-6, "{column:?} {again:?}");
         }
@@ -287,7 +332,10 @@ mod tests {
         let sea_floor = HeightCode::covering(-10_900.0, 8849.0);
         assert!(sea_floor.unit_m <= 0.5, "half metres");
         for h in [-11_000.0, 0.0, 8900.0] {
-            assert!((sea_floor.decode(sea_floor.encode(h)) - h).abs() <= 0.25 + 1e-9, "{h}");
+            assert!(
+                (sea_floor.decode(sea_floor.encode(h)) - h).abs() <= 0.25 + 1e-9,
+                "{h}"
+            );
         }
     }
 }
