@@ -156,6 +156,19 @@ impl Gpu {
         }
     }
 
+    /// Tests depth (nearer wins, equal depths keep what is there) and writes it, or does neither. The depth function is
+    /// never changed: mixing directions costs V3D its early rejection for the whole frame.
+    pub fn depth_test(&self, on: bool) {
+        // SAFETY: the context is current on this thread (Gpu is !Send).
+        unsafe {
+            if on {
+                self.gl.enable(glow::DEPTH_TEST);
+            } else {
+                self.gl.disable(glow::DEPTH_TEST);
+            }
+        }
+    }
+
     /// Waits until everything drawn so far is finished. For measurements and read-back, not for the frame loop.
     pub fn finish(&self) {
         // SAFETY: the context is current on this thread (Gpu is !Send).
