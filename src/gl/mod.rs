@@ -18,7 +18,9 @@
 pub mod buffer;
 pub mod caps;
 pub mod program;
+pub mod sky;
 pub mod target;
+pub mod terrain;
 pub mod texture;
 pub mod vector;
 
