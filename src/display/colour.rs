@@ -47,7 +47,9 @@ pub const WINDOW: Colour = Colour::rgb(8, 10, 12);
 /// The dark rim around symbols: with it, white over white snow keeps a contrast of more than 3:1.
 pub const HALO: Colour = Colour([0, 0, 0, 190]);
 /// The ground of tapes and boxes, through which the outside is seen.
-pub const PANEL: Colour = Colour([14, 18, 24, 140]);
+pub const PANEL: Colour = Colour([14, 18, 24, 155]);
+/// The ground of small fields with coloured figures: darker, so that all of them stand out.
+pub const FIELD: Colour = Colour([10, 13, 18, 215]);
 /// The thin border of panels.
 pub const BORDER: Colour = Colour([255, 255, 255, 90]);
 /// The whole picture where there is no attitude.
@@ -101,8 +103,13 @@ mod tests {
     }
 
     #[test]
-    fn tape_labels_keep_three_to_one_over_white_imagery() {
+    fn labels_keep_three_to_one_over_white_imagery() {
         let panel = luminance(over(PANEL, [255.0; 3]));
+        let field = luminance(over(FIELD, [255.0; 3]));
+        for ink in [SCALE, LABEL, SELECTED, TRACK, CAUTION] {
+            let ink = luminance(over(ink, [0.0; 3]));
+            assert!((ink + 0.05) / (field + 0.05) >= 3.0, "{ink} on {field}");
+        }
         assert!(
             (luminance([255.0; 3]) + 0.05) / (panel + 0.05) >= 3.0,
             "{panel}"

@@ -1,7 +1,7 @@
 //! What stands where there is no value. Four classes, told apart by shape and word as well as by colour (AC 25-11B, 5.8),
 //! and from anything healthy: they are opaque, framed, and hold no figure.
 //!
-//! - nothing ever received: dashed grey frame, "---"
+//! - nothing ever received: dashed grey frame, "- - -"
 //! - too old: amber frame, one diagonal, "OLD"
 //! - failed (by its source's word, or out of range): red frame, two diagonals, "FAIL"
 //! - sources disagree: two amber frames, no diagonal, "CMP"
@@ -19,7 +19,7 @@ struct Look {
 
 const fn look(reason: Invalid) -> Look {
     let (word, colour) = match reason {
-        Invalid::NeverReceived => ("---", colour::ABSENT),
+        Invalid::NeverReceived => ("- - -", colour::ABSENT),
         Invalid::Stale => ("OLD", colour::CAUTION),
         Invalid::OutOfRange | Invalid::SourceFailed => ("FAIL", colour::WARNING),
         Invalid::Miscompare => ("CMP", colour::CAUTION),
@@ -46,7 +46,7 @@ pub(super) fn cover(pen: &mut Pen<'_>, rect: Rect, name: &str, reason: Invalid) 
     let word_style = bold(13.0, colour);
     let step = pen.cap_px(word_style) * 0.5 + pen.px(7.0);
     let middle = rect.centre();
-    let width = pen.width(name, name_style).max(pen.width(word, word_style)) + pen.px(10.0);
+    let width = pen.width(name, name_style).max(pen.width(word, word_style)) + pen.px(5.0);
     let plate = Rect::around(middle, width, pen.px(50.0)).snapped();
     pen.list.rect(plate, colour::WINDOW);
     pen.text(name, middle - Vec2::Y * step, Align::Centre, name_style);
@@ -143,7 +143,8 @@ fn marks(pen: &mut Pen<'_>, rect: Rect, reason: Invalid, weight: f32) {
         }
         Invalid::Miscompare => {
             pen.list.frame(rect, width, colour);
-            pen.list.frame(rect.grown(-width * 2.5), width, colour);
+            pen.list
+                .frame(rect.grown(-(width * 2.5).round()), width, colour);
         }
     }
     pen.list.clip(None);

@@ -57,7 +57,9 @@ fn draw_mark(pen: &mut Pen<'_>, tape: Rect, x: f32, degrees: i64) {
     if degrees % 30 == 0 {
         let label = format::compass_label(degrees);
         let at = Vec2::new(x, tape.min.y + pen.px(26.0));
-        pen.moving_text(&label, at, Align::Centre, bold(13.0, colour::SCALE));
+        let style = bold(13.0, colour::SCALE);
+        let room = (x - tape.min.x).min(tape.max.x - x) - pen.width(&label, style) * 0.5;
+        pen.moving_text(&label, at, Align::Centre, pen.entering(style, room));
     }
 }
 
@@ -148,7 +150,7 @@ pub(super) fn draw_ground(pen: &mut Pen<'_>, model: &Model) {
 }
 
 fn draw_field(pen: &mut Pen<'_>, rect: Rect, name: &str, value: &str, unit: &str, ink: Colour) {
-    pen.panel(rect);
+    pen.field(rect);
     let y = rect.centre().y;
     let (label, number) = (regular(9.5, colour::LABEL), bold(11.0, ink));
     pen.text(
@@ -158,7 +160,7 @@ fn draw_field(pen: &mut Pen<'_>, rect: Rect, name: &str, value: &str, unit: &str
         label,
     );
     // Units stand in a column, so that the figures of both fields end at one place.
-    let column = rect.max.x - pen.px(29.0);
+    let column = rect.max.x - pen.px(31.0);
     pen.text(value, Vec2::new(column, y), Align::Right, number);
-    pen.text(unit, Vec2::new(column + pen.px(4.0), y), Align::Left, label);
+    pen.text(unit, Vec2::new(column + pen.px(6.0), y), Align::Left, label);
 }

@@ -157,7 +157,8 @@ fn draw_ladder(pen: &mut Pen<'_>, p: &Projection, pass: Pass) {
         let elevation = f64::from(k) * 2.5;
         let (half, weight) = match k {
             k if k % 4 == 0 => (56.0, 2.0),
-            k if k % 2 == 0 => (32.0, 2.0),
+            // Beyond the chevrons' attitudes their places are those of the fives.
+            k if k % 2 == 0 && (-9..=13).contains(&k) => (32.0, 2.0),
             k if k.abs() < 8 => (15.0, 1.6),
             _ => continue,
         };
@@ -264,7 +265,7 @@ pub(super) fn draw_annunciation(pen: &mut Pen<'_>, model: &Model) {
         _ => colour::CAUTION,
     };
     let rect = pen.layout.annunciation;
-    pen.panel(rect);
+    pen.field(rect);
     let centre = rect.centre();
     let step = Vec2::Y * pen.px(9.0);
     pen.text("SVS OFF", centre - step, Align::Centre, bold(9.5, ink));

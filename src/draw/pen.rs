@@ -114,6 +114,13 @@ impl<'a> Pen<'a> {
         self.turned_text(text, at, align, Vec2::X, style, None);
     }
 
+    /// The style of a label that slides in over an edge: it appears once it is `room` pixels clear of it, so that no
+    /// figure is ever seen cut in half.
+    pub(super) fn entering(&self, style: Style, room: f32) -> Style {
+        let colour = style.colour.faded(room / self.px(5.0));
+        Style { colour, ..style }
+    }
+
     /// Text centred on `at` across and along, its line in the direction `along`, with a rim when `pass` says so.
     pub(super) fn turned_text(
         &mut self,
@@ -134,6 +141,9 @@ impl<'a> Pen<'a> {
     }
 
     fn glyphs(&mut self, text: &str, origin: Vec2, along: Vec2, style: Style, fatten: f32) {
+        if style.colour.0[3] == 0 {
+            return;
+        }
         let em = self.em_px(style);
         let scale = Atlas::field_scale(em);
         // Beyond the spread of the field there is nothing to fatten.
@@ -192,7 +202,16 @@ impl<'a> Pen<'a> {
 
     /// The see-through ground of an instrument.
     pub(super) fn panel(&mut self, rect: Rect) {
-        self.list.rect(rect, colour::PANEL);
+        self.ground(rect, colour::PANEL);
+    }
+
+    /// The darker ground of a field with coloured figures.
+    pub(super) fn field(&mut self, rect: Rect) {
+        self.ground(rect, colour::FIELD);
+    }
+
+    fn ground(&mut self, rect: Rect, ink: Colour) {
+        self.list.rect(rect, ink);
         let width = self.layout.line(1.0).round();
         self.list.frame(rect, width, colour::BORDER);
     }

@@ -36,6 +36,11 @@ impl Scale {
         self.rect.centre().y - px((mark - self.value) * self.per_unit)
     }
 
+    /// Pixels between a label at `y` and the nearer end of the tape.
+    fn room(&self, pen: &Pen<'_>, y: f32) -> f32 {
+        (y - self.rect.min.y).min(self.rect.max.y - y) - pen.px(7.0)
+    }
+
     /// The marks `step` apart that are seen, with one more at each end, as multiples of `step`.
     fn marks(&self, step: f64) -> std::ops::RangeInclusive<i64> {
         let half = f64::from(self.rect.height()) * 0.5 / self.per_unit;
@@ -77,12 +82,8 @@ pub(super) fn draw_airspeed(pen: &mut Pen<'_>, model: &Model) {
             .line(from, Vec2::new(ticks, y), width, colour::SCALE);
         if even {
             let at = Vec2::new(ticks - pen.px(20.0), y);
-            pen.moving_text(
-                &format::mark(k * 5),
-                at,
-                Align::Right,
-                bold(11.5, colour::SCALE),
-            );
+            let style = pen.entering(bold(11.5, colour::SCALE), scale.room(pen, y));
+            pen.moving_text(&format::mark(k * 5), at, Align::Right, style);
         }
     }
     pen.list.clip(None);
@@ -188,6 +189,7 @@ fn draw_altitude_mark(pen: &mut Pen<'_>, scale: Scale, feet: i64) {
             regular(11.0, colour::SCALE)
         };
         let at = Vec2::new(left + pen.px(24.0), y);
+        let style = pen.entering(style, scale.room(pen, y));
         pen.moving_text(&format::mark(feet), at, Align::Left, style);
     }
 }
@@ -332,7 +334,20 @@ fn draw_wheels<const N: usize>(
             style,
         );
     }
+    shade(pen, area);
     pen.list.clip(None);
+}
+
+/// Darkens the upper and lower edge of a window, as if its digits stood on a cylinder.
+fn shade(pen: &mut Pen<'_>, area: Rect) {
+    let height = (area.height() * 0.2).round();
+    let (clear, dark) = (colour::WINDOW.faded(0.0), colour::WINDOW);
+    let Rect { min, max } = area;
+    let width = area.width();
+    pen.list
+        .gradient(Rect::new(min.x, min.y, width, height), dark, clear);
+    pen.list
+        .gradient(Rect::new(min.x, max.y - height, width, height), clear, dark);
 }
 
 /// The drum: the rows around the middle, higher ones above.
@@ -356,12 +371,13 @@ fn draw_drum(
             style,
         );
     }
+    shade(pen, area);
     pen.list.clip(None);
 }
 
 /// What the tape shows and its unit; amber where it is not the one that it should be.
 fn draw_title(pen: &mut Pen<'_>, rect: Rect, name: &str, unit: &str, reverted: bool) {
-    pen.panel(rect);
+    pen.field(rect);
     let ink = if reverted {
         colour::CAUTION
     } else {
@@ -409,7 +425,7 @@ fn draw_setting(
     after: &str,
     ink: Colour,
 ) {
-    pen.panel(rect);
+    pen.field(rect);
     let (name, number) = (regular(9.5, colour::LABEL), bold(11.5, ink));
     let gap = |text: &str, pen: &Pen<'_>| {
         if text.is_empty() {

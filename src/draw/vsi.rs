@@ -22,7 +22,7 @@ pub(super) fn draw(pen: &mut Pen<'_>, model: &Model) {
     };
     pen.panel(rect);
     let middle = rect.centre().y;
-    let half = rect.height() * 0.5 - pen.px(18.0);
+    let half = rect.height() * 0.5 - pen.px(30.0);
     let y = |fpm: f64| middle - half * px(fpm / END_FPM);
     for hundreds in [-20_i64, -15, -10, -5, 0, 5, 10, 15, 20] {
         let at = y(format::real(hundreds) * 100.0);
