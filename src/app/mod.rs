@@ -1,6 +1,7 @@
 //! Composition: the command line, the board file, the threads and the frame loop.
 
 pub mod board;
+pub mod decode;
 pub mod error;
 pub mod figures;
 pub mod frames;

@@ -20,6 +20,7 @@ pub mod caps;
 pub mod program;
 pub mod target;
 pub mod texture;
+pub mod vector;
 
 use std::ffi::{CStr, c_char, c_void};
 use std::rc::Rc;
