@@ -1,7 +1,7 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, run, shot, terrain};
+use crate::app::{check, decode, run, terrain};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -34,7 +34,7 @@ enum Command {
     /// Bakes elevation data into a pack, and looks into packs
     #[command(subcommand)]
     Terrain(terrain::TerrainCommand),
-    Shot(shot::ShotArgs),
+    //SHOT
     Decode(decode::DecodeArgs),
     Check(check::CheckArgs),
     //LIST
@@ -60,7 +60,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         //DEMO
         Command::Terrain(command) => terrain::run(command).map_err(|f| vec![f]),
-        Command::Shot(args) => shot::run(args).map_err(|f| vec![f]),
+        //SHOT
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),
         Command::Check(args) => check::run(args),
         //LIST

@@ -6,11 +6,10 @@
 use crate::app::board::{Board, PressureUnit};
 use crate::app::error::{Failure, Kind};
 use crate::app::fly;
+use crate::app::picture::Size;
 use crate::bus::input::Action;
-use crate::display::model::CameraHeight;
-use crate::display::ui::{BaroSetting, BaroUnit, Terrain, Ui, VSpeeds};
-use crate::display::{Config, Model};
-use crate::draw::atlas::Atlas;
+use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
+use crate::draw::atlas::{Atlas, AtlasError};
 use crate::draw::{self, DrawList, Layout};
 use crate::geo::{Camera, Geodetic};
 use crate::gl::sky::SkyRenderer;
@@ -59,6 +58,7 @@ pub struct Drawn {
 /// Everything that draws.
 #[derive(Debug)]
 pub struct Cockpit {
+    size: Size,
     target: Target,
     window: Option<Target>,
     vector: VectorRenderer,
@@ -113,6 +113,7 @@ impl Cockpit {
             })
             .transpose()?;
         Ok(Self {
+            size: Size { width_px: width, height_px: height },
             target: Target::offscreen(gpu, width, height, board.screen.samples)?,
             window: (!headless).then(|| Target::window(gpu, width, height)),
             vector: VectorRenderer::new(gpu, &atlas)?,
@@ -161,7 +162,7 @@ impl Cockpit {
         draw::draw(&model, &self.layout, &self.atlas, &mut self.list);
         own += Monotonic::read().since(listing).unwrap_or_default();
         self.vector
-            .draw(&self.list, self.target.width(), self.target.height());
+            .draw(&self.list, self.size.width_px, self.size.height_px);
         drawn.draw_calls += 1;
         self.target.resolve();
         if let Some(window) = &self.window {
@@ -192,8 +193,8 @@ impl Cockpit {
             },
             attitude: inputs.attitude,
             hfov: self.config.hfov,
-            width_px: self.target.width(),
-            height_px: self.target.height(),
+            width_px: self.size.width_px,
+            height_px: self.size.height_px,
         };
         camera.is_valid().then_some(camera)
     }
@@ -243,12 +244,12 @@ fn show_terrain(
     if figures.levels.is_none() {
         return Terrain::Loading;
     }
-    let (s, w, n, e) = ground.pack.info().bounds_deg;
+    let bounds = ground.pack.info().bounds;
     let (lat, lon) = (
         camera.eye.latitude.to_degrees(),
         camera.eye.longitude.to_degrees(),
     );
-    if !(s..=n).contains(&lat) || !(w..=e).contains(&lon) {
+    if !(bounds.south_deg..=bounds.north_deg).contains(&lat) || !(bounds.west_deg..=bounds.east_deg).contains(&lon) {
         return Terrain::Outside;
     }
     sky.draw(camera);
@@ -282,7 +283,7 @@ enum MakeError {
     #[error(transparent)]
     Terrain(#[from] TerrainError),
     #[error(transparent)]
-    Atlas(#[from] crate::draw::atlas::AtlasError),
+    Atlas(#[from] AtlasError),
     #[error("no level has that many vertices")]
     Shape,
 }

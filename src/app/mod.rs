@@ -13,6 +13,7 @@ pub mod health;
 pub mod intake;
 pub mod picture;
 pub mod run;
+
 pub mod sources;
 pub mod terrain;
 

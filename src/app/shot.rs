@@ -241,7 +241,11 @@ struct Studio {
 }
 
 impl Studio {
-    fn new(gpu: &Rc<Gpu>, pack: Pack, size: Size) -> Result<Self, crate::gl::terrain::TerrainError> {
+    fn new(
+        gpu: &Rc<Gpu>,
+        pack: Pack,
+        size: Size,
+    ) -> Result<Self, crate::gl::terrain::TerrainError> {
         Ok(Self {
             gpu: Rc::clone(gpu),
             terrain: TerrainRenderer::new(gpu, Settings::default(), Arc::new(pack))?,
@@ -426,7 +430,10 @@ mod tests {
         let args = parse(&["--eye", "-32.6,-70.3,4200", "--attitude", "-5,-4,0"]).expect("parses");
         assert_eq!(args.eye, Triple([-32.6, -70.3, 4200.0]));
         let camera = camera(&args).expect("a camera");
-        assert!((camera.eye.latitude.to_degrees() + 32.6).abs() < 1e-12, "south");
+        assert!(
+            (camera.eye.latitude.to_degrees() + 32.6).abs() < 1e-12,
+            "south"
+        );
     }
 
     #[test]
@@ -435,9 +442,16 @@ mod tests {
             assert!(parse(&["--eye", eye]).is_err(), "{eye}");
         }
         for size in ["1024", "0x10", "1024x600x2", "99999x2"] {
-            assert!(parse(&["--eye", "0,0,0", "--size", size]).is_err(), "{size}");
+            assert!(
+                parse(&["--eye", "0,0,0", "--size", size]).is_err(),
+                "{size}"
+            );
         }
-        for extra in [&["--eye", "91,0,0"][..], &["--eye", "0,0,0", "--hfov", "179"], &["--eye", "0,0,-99999"]] {
+        for extra in [
+            &["--eye", "91,0,0"][..],
+            &["--eye", "0,0,0", "--hfov", "179"],
+            &["--eye", "0,0,-99999"],
+        ] {
             let args = parse(extra).expect("parses");
             let failure = camera(&args).expect_err("refused");
             assert_eq!(failure.kind(), Kind::Usage, "{extra:?}");
@@ -452,7 +466,10 @@ mod tests {
         std::fs::remove_file(&path).expect("removed");
         let header = b"Pf\n2 2\n-1.0\n";
         assert_eq!(&bytes[..header.len()], header);
-        assert_eq!(&bytes[header.len()..header.len() + 4], 3.0_f32.to_le_bytes());
+        assert_eq!(
+            &bytes[header.len()..header.len() + 4],
+            3.0_f32.to_le_bytes()
+        );
         assert_eq!(bytes.len(), header.len() + 16);
     }
 }

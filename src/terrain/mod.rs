@@ -1,15 +1,12 @@
 //! Terrain: the pack and how it is made.
 
-<<<<<<< HEAD
 pub mod archive;
 pub mod bake;
 pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
-=======
 pub mod blocks;
 pub mod clipmap;
->>>>>>> terrain-gpu
 pub mod codec;
 pub mod cull;
 pub mod geoid;
@@ -19,11 +16,8 @@ pub mod height;
 pub mod hgt;
 pub mod input;
 pub mod pack;
-<<<<<<< HEAD
 pub mod raster;
-=======
 pub mod scene;
->>>>>>> terrain-gpu
 pub mod store;
 pub mod stream;
 pub mod surface;
