@@ -4,6 +4,7 @@ pub mod board;
 pub mod decode;
 pub mod error;
 pub mod figures;
+pub mod flight;
 pub mod frames;
 pub mod health;
 pub mod intake;
