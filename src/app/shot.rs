@@ -8,7 +8,6 @@ use crate::gl::target::Target;
 use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
-use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
 use crate::terrain::scene::{FrameFigures, Settings};
 use crate::time::Monotonic;
@@ -241,7 +240,11 @@ struct Studio {
 }
 
 impl Studio {
-    fn new(gpu: &Rc<Gpu>, pack: Pack, size: Size) -> Result<Self, crate::gl::terrain::TerrainError> {
+    fn new(
+        gpu: &Rc<Gpu>,
+        pack: Pack,
+        size: Size,
+    ) -> Result<Self, crate::gl::terrain::TerrainError> {
         Ok(Self {
             gpu: Rc::clone(gpu),
             terrain: TerrainRenderer::new(gpu, Settings::default(), Arc::new(pack))?,
@@ -262,7 +265,7 @@ impl Studio {
             frames += 1;
             uploads_texels += figures.uploads_texels;
             uploads_bytes += figures.uploads_bytes;
-            let after = Monotonic::read().since(begun);
+            let after = Monotonic::read().since(begun).unwrap_or_default();
             if figures.settled {
                 return Ok(Settled {
                     figures,
@@ -300,7 +303,7 @@ impl Studio {
         let begun = Monotonic::read();
         let background = self.draw(camera, args.terrain_only);
         self.gpu.finish();
-        let frame = Monotonic::read().since(begun);
+        let frame = Monotonic::read().since(begun).unwrap_or_default();
         let mut pixels = vec![0; self.size.0 as usize * self.size.1 as usize * 4];
         self.target.read_rgba(&mut pixels);
         write_png(&args.out, self.size, &pixels)?;
@@ -426,7 +429,10 @@ mod tests {
         let args = parse(&["--eye", "-32.6,-70.3,4200", "--attitude", "-5,-4,0"]).expect("parses");
         assert_eq!(args.eye, Triple([-32.6, -70.3, 4200.0]));
         let camera = camera(&args).expect("a camera");
-        assert!((camera.eye.latitude.to_degrees() + 32.6).abs() < 1e-12, "south");
+        assert!(
+            (camera.eye.latitude.to_degrees() + 32.6).abs() < 1e-12,
+            "south"
+        );
     }
 
     #[test]
@@ -435,9 +441,16 @@ mod tests {
             assert!(parse(&["--eye", eye]).is_err(), "{eye}");
         }
         for size in ["1024", "0x10", "1024x600x2", "99999x2"] {
-            assert!(parse(&["--eye", "0,0,0", "--size", size]).is_err(), "{size}");
+            assert!(
+                parse(&["--eye", "0,0,0", "--size", size]).is_err(),
+                "{size}"
+            );
         }
-        for extra in [&["--eye", "91,0,0"][..], &["--eye", "0,0,0", "--hfov", "179"], &["--eye", "0,0,-99999"]] {
+        for extra in [
+            &["--eye", "91,0,0"][..],
+            &["--eye", "0,0,0", "--hfov", "179"],
+            &["--eye", "0,0,-99999"],
+        ] {
             let args = parse(extra).expect("parses");
             let failure = camera(&args).expect_err("refused");
             assert_eq!(failure.kind(), Kind::Usage, "{extra:?}");
@@ -452,7 +465,10 @@ mod tests {
         std::fs::remove_file(&path).expect("removed");
         let header = b"Pf\n2 2\n-1.0\n";
         assert_eq!(&bytes[..header.len()], header);
-        assert_eq!(&bytes[header.len()..header.len() + 4], 3.0_f32.to_le_bytes());
+        assert_eq!(
+            &bytes[header.len()..header.len() + 4],
+            3.0_f32.to_le_bytes()
+        );
         assert_eq!(bytes.len(), header.len() + 16);
     }
 }
