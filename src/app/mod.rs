@@ -2,6 +2,7 @@
 
 pub mod error;
 pub mod shot;
+pub mod terrain;
 
 pub use error::{Failure, Kind};
 

@@ -99,6 +99,39 @@ impl PostRect {
             && (columns.contains(&i) || columns.contains(&(i + grid.posts_around())))
     }
 
+    /// The smallest rectangle around all of them; `None` if there are none.
+    #[must_use]
+    pub fn around(rects: impl Iterator<Item = Self>) -> Option<Self> {
+        rects.reduce(|a, b| Self {
+            south: a.south.min(b.south),
+            west: a.west.min(b.west),
+            north: a.north.max(b.north),
+            east: a.east.max(b.east),
+        })
+    }
+
+    /// What two rectangles share; `None` if nothing.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let shared = Self {
+            south: self.south.max(other.south),
+            west: self.west.max(other.west),
+            north: self.north.min(other.north),
+            east: self.east.min(other.east),
+        };
+        (shared.south <= shared.north && shared.west <= shared.east).then_some(shared)
+    }
+
+    /// Moved east by a number of posts.
+    #[must_use]
+    pub const fn shifted(&self, posts: i32) -> Self {
+        Self {
+            west: self.west + posts,
+            east: self.east + posts,
+            ..*self
+        }
+    }
+
     /// The same rectangle in degrees.
     #[must_use]
     pub fn bounds(&self, grid: Grid) -> Bounds {

@@ -196,7 +196,12 @@ impl PackWriter {
     }
 
     fn info(&self, sources: &[SourceInfo], statistics: &Statistics, bytes: u64) -> PackInfo {
-        let rect = frame(sources.iter().map(|s| s.rect));
+        let rect = PostRect::around(sources.iter().map(|s| s.rect)).unwrap_or(PostRect {
+            south: 0,
+            west: 0,
+            north: 0,
+            east: 0,
+        });
         let (height_min_m, height_max_m) = statistics.heights_m.unwrap_or((0.0, 0.0));
         PackInfo {
             version: FORMAT,
@@ -224,23 +229,6 @@ impl Drop for PackWriter {
             let _ = fs::remove_file(&self.part);
         }
     }
-}
-
-/// The smallest rectangle around all of them; one post at 0N 0E if there are none.
-fn frame(rects: impl Iterator<Item = PostRect>) -> PostRect {
-    rects
-        .reduce(|a, b| PostRect {
-            south: a.south.min(b.south),
-            west: a.west.min(b.west),
-            north: a.north.max(b.north),
-            east: a.east.max(b.east),
-        })
-        .unwrap_or(PostRect {
-            south: 0,
-            west: 0,
-            north: 0,
-            east: 0,
-        })
 }
 
 fn sources_section(sources: &[SourceInfo]) -> Vec<u8> {
