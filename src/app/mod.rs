@@ -1,6 +1,7 @@
 //! Composition: the command line, the board file, the threads and the frame loop.
 
 pub mod error;
+pub mod list;
 
 pub use error::{Failure, Kind};
 
