@@ -15,3 +15,6 @@ pub mod input;
 pub mod pack;
 pub mod raster;
 pub mod store;
+pub mod synth;
+pub mod synth_noise;
+mod synth_valley;
