@@ -163,7 +163,7 @@ impl Landscape {
         let fans = 5.0 * flat * fractal(x / 1.7, y / 1.7, 4, self.seed ^ 0x0f1a);
         let mut height_m = valleys.height_m + fans * valleys.off_lake;
         if let Some(shore_km) = valleys.shore_km {
-            let wiggle = 0.12 * fractal(x / 0.9, y / 0.9, 3, self.seed ^ 0x1a4e);
+            let wiggle = 0.3 * fractal(x / 1.6, y / 1.6, 4, self.seed ^ 0x1a4e);
             if shore_km + wiggle < 0.0 {
                 return (self.course.lake_m(), SurfaceKind::Water);
             }
@@ -181,25 +181,27 @@ impl Landscape {
 
     /// The mountains as they would stand without valleys.
     fn crest_m(&self, x: f64, y: f64) -> f64 {
-        let warp_x = 1.6 * fractal(x / 11.0, y / 11.0, 3, self.seed ^ 0x3a01);
-        let warp_y = 1.6 * fractal(x / 11.0, y / 11.0, 3, self.seed ^ 0x3a02);
+        let warp_x = 1.4 * fractal(x / 7.0, y / 7.0, 4, self.seed ^ 0x3a01);
+        let warp_y = 1.4 * fractal(x / 7.0, y / 7.0, 4, self.seed ^ 0x3a02);
         let r = ridged(
-            (x + warp_x) / 9.0,
-            (y + warp_y) / 9.0,
-            8,
+            (x + warp_x) / 5.2,
+            (y + warp_y) / 5.2,
+            7,
             self.seed ^ 0x41d6,
         );
         // Some massifs stand higher than others.
-        let massif = 0.85 + 0.3 * fractal(x / 30.0, y / 30.0, 2, self.seed ^ 0x3a55);
-        900.0 + 2650.0 * r * massif
+        let massif_m = 700.0 * fractal(x / 17.0, y / 17.0, 2, self.seed ^ 0x3a55);
+        1550.0 + massif_m + 1850.0 * r
     }
 
     /// 1 inside, falling to 0 on the edge, along a line that is not straight.
     fn inland(&self, x: f64, y: f64) -> f64 {
-        let edge = x.min(WIDTH_KM - x).min(y).min(HEIGHT_KM - y);
-        let wander = 3.0 * fractal(x / 12.0, y / 12.0, 4, self.seed ^ 0x5e1f);
-        let edge = edge + wander * smooth_step(0.0, SHELF_KM, edge);
-        smooth_step(0.0, SHELF_KM, edge)
+        let wander = 4.0 * fractal(x / 14.0, y / 14.0, 5, self.seed ^ 0x5e1f);
+        let rise = |edge_km: f64| {
+            let wandered = edge_km + wander * smooth_step(0.0, SHELF_KM, edge_km);
+            smooth_step(0.0, SHELF_KM, wandered)
+        };
+        rise(x) * rise(WIDTH_KM - x) * rise(y) * rise(HEIGHT_KM - y)
     }
 }
 

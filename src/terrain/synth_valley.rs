@@ -26,7 +26,8 @@ const PIECES: u32 = 24;
 const MAIN_FLOOR_KM: f64 = 1.9;
 /// From the floor's edge to where the mountains stand unhindered, km.
 const MAIN_WALL_KM: f64 = 5.5;
-const SIDE_WALL_KM: f64 = 3.4;
+const SIDE_WALL_KM: f64 = 3.8;
+const BRANCH_WALL_KM: f64 = 2.6;
 
 /// Height of the lake, and of the floor around it, metres.
 const LAKE_M: f64 = 600.0;
@@ -38,18 +39,26 @@ const AIRFIELD_ALONG_KM: f64 = 36.0;
 
 /// Side valleys: where they leave the main valley (km along it), to which side (1 is left of east), how long (km).
 const SIDES: [(f64, f64, f64); 12] = [
-    (21.0, 1.0, 19.0),
-    (24.5, -1.0, 17.0),
-    (31.0, 1.0, 22.0),
-    (38.5, -1.0, 24.0),
-    (43.0, 1.0, 16.0),
-    (50.0, -1.0, 21.0),
-    (54.0, 1.0, 24.0),
-    (61.0, -1.0, 15.0),
-    (65.5, 1.0, 22.0),
-    (71.0, -1.0, 19.0),
-    (76.0, 1.0, 17.0),
-    (80.5, -1.0, 18.0),
+    (21.0, 1.0, 27.0),
+    (24.5, -1.0, 24.0),
+    (31.0, 1.0, 29.0),
+    (38.5, -1.0, 31.0),
+    (43.0, 1.0, 25.0),
+    (50.0, -1.0, 28.0),
+    (54.0, 1.0, 31.0),
+    (61.0, -1.0, 24.0),
+    (65.5, 1.0, 29.0),
+    (71.0, -1.0, 27.0),
+    (76.0, 1.0, 24.0),
+    (80.5, -1.0, 25.0),
+];
+
+/// Branches of a side valley: where they leave it (share of its length), to which side, how long (km).
+const BRANCHES: [(f64, f64, f64); 4] = [
+    (0.22, 1.0, 7.5),
+    (0.36, -1.0, 8.5),
+    (0.55, 1.0, 8.0),
+    (0.70, -1.0, 6.5),
 ];
 
 /// A point on the main valley's centreline.
@@ -64,16 +73,28 @@ pub(crate) struct CoursePoint {
     pub(crate) direction: (f64, f64),
 }
 
+/// One end of a piece.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    x: f64,
+    y: f64,
+    along: f64,
+    floor_m: f64,
+    floor_km: f64,
+}
+
 /// A straight piece of a valley.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
+    /// Which valley it is of; 0 is the main one.
+    valley: u16,
     ax: f64,
     ay: f64,
     dx: f64,
     dy: f64,
     /// Of (dx, dy), squared.
     length2: f64,
-    /// At both ends: distance along the main valley (negative for side valleys), floor height, half width of the floor.
+    /// At both ends: distance along the valley, floor height, half width of the floor.
     along: (f64, f64),
     floor_m: (f64, f64),
     floor_km: (f64, f64),
@@ -110,18 +131,40 @@ impl Course {
         let mut pieces = Vec::new();
         for pair in main.windows(2) {
             let (a, b) = (&pair[0], &pair[1]);
-            let width = |p: &CoursePoint| floor_half_width_km(p.along, seed);
-            pieces.push(Piece::new(
-                (a.x, a.y),
-                (b.x, b.y),
-                (a.along, b.along),
-                (a.floor_m, b.floor_m),
-                (width(a), width(b)),
-                MAIN_WALL_KM,
-            ));
+            let end = |p: &CoursePoint| End {
+                x: p.x,
+                y: p.y,
+                along: p.along,
+                floor_m: p.floor_m,
+                floor_km: floor_half_width_km(p.along, seed),
+            };
+            pieces.push(Piece::new(0, MAIN_WALL_KM, &end(a), &end(b)));
         }
-        for (number, (leaves, side, length_km)) in (0..).zip(SIDES) {
-            side_course(&main, &mut pieces, leaves, side, length_km, number, seed);
+        let mut number = 0;
+        for (leaves, side, length_km) in SIDES {
+            let start = at_along(&main, leaves);
+            let trunk = Tributary {
+                start,
+                side,
+                length_km,
+                head_m: 1500.0,
+                floor_km: 0.5,
+                wall_km: SIDE_WALL_KM,
+            };
+            number += 1;
+            let ends = trunk.run(number, seed, &mut pieces);
+            for (share, side, length_km) in BRANCHES {
+                let branch = Tributary {
+                    start: at_along(&ends, share * trunk.length_km),
+                    side,
+                    length_km,
+                    head_m: 1950.0,
+                    floor_km: 0.12,
+                    wall_km: BRANCH_WALL_KM,
+                };
+                number += 1;
+                branch.run(number, seed, &mut pieces);
+            }
         }
         let airfield = at_along(&main, AIRFIELD_ALONG_KM);
         Self {
@@ -161,17 +204,22 @@ impl Course {
             off_lake: 1.0,
             shore_km: None,
         };
-        for piece in &near.0 {
-            let (distance, share) = piece.nearest(x, y);
+        for pieces in near.0.chunk_by(|a, b| a.valley == b.valley) {
+            // The nearest piece of each valley speaks for it; the deepest valley is the terrain.
+            let nearest = pieces
+                .iter()
+                .map(|piece| (piece, piece.nearest(x, y)))
+                .min_by(|a, b| a.1.0.total_cmp(&b.1.0));
+            let Some((piece, (distance, share))) = nearest else {
+                continue;
+            };
             let mix = |ends: (f64, f64)| ends.0 + (ends.1 - ends.0) * share;
             let floor_m = mix(piece.floor_m);
             let mask = wall((distance - mix(piece.floor_km)) / piece.wall_km);
             let height_m = floor_m + (crest_m.max(floor_m) - floor_m) * mask;
-            if height_m < shape.height_m {
-                shape.height_m = height_m;
-            }
+            shape.height_m = shape.height_m.min(height_m);
             shape.mask = shape.mask.min(mask);
-            if piece.along.0 >= 0.0 {
+            if piece.valley == 0 {
                 shape.add_lake(distance, mix(piece.along));
             }
         }
@@ -185,8 +233,13 @@ impl Shape {
         let middle = (LAKE_KM.0 + LAKE_KM.1) / 2.0;
         let half = (LAKE_KM.1 - LAKE_KM.0) / 2.0;
         let u = (along_km - middle) / half;
-        // A blunt spindle, 1 - u^4, whose outline goes on as a narrowing negative width past its ends.
-        let half_width = LAKE_HALF_WIDTH_KM * (1.0 - u * u * u * u).max(-1.0);
+        // An oval with blunt ends, whose outline goes on as a distance past them.
+        let u4 = u * u * u * u;
+        let half_width = if u4 < 1.0 {
+            LAKE_HALF_WIDTH_KM * (1.0 - u4).sqrt()
+        } else {
+            -half * (u.abs() - 1.0)
+        };
         let shore = distance_km - half_width;
         if shore < REACH_KM {
             self.shore_km = Some(self.shore_km.map_or(shore, |s: f64| s.min(shore)));
@@ -206,24 +259,18 @@ fn wall(t: f64) -> f64 {
 }
 
 impl Piece {
-    fn new(
-        a: (f64, f64),
-        b: (f64, f64),
-        along: (f64, f64),
-        floor_m: (f64, f64),
-        floor_km: (f64, f64),
-        wall_km: f64,
-    ) -> Self {
-        let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    fn new(valley: u16, wall_km: f64, a: &End, b: &End) -> Self {
+        let (dx, dy) = (b.x - a.x, b.y - a.y);
         Self {
-            ax: a.0,
-            ay: a.1,
+            valley,
+            ax: a.x,
+            ay: a.y,
             dx,
             dy,
             length2: (dx * dx + dy * dy).max(1e-12),
-            along,
-            floor_m,
-            floor_km,
+            along: (a.along, b.along),
+            floor_m: (a.floor_m, b.floor_m),
+            floor_km: (a.floor_km, b.floor_km),
             wall_km,
         }
     }
@@ -310,50 +357,69 @@ fn at_along(main: &[CoursePoint], along_km: f64) -> CoursePoint {
     main[at.min(main.len() - 1)]
 }
 
-/// A side valley: half-kilometre pieces that wander away from the main valley and climb, slowly first.
-fn side_course(
-    main: &[CoursePoint],
-    pieces: &mut Vec<Piece>,
-    leaves_km: f64,
+/// A side valley, or a branch of one.
+struct Tributary {
+    /// The point of the valley that it leaves.
+    start: CoursePoint,
+    /// 1 to the left of that valley, -1 to the right.
     side: f64,
     length_km: f64,
-    number: i64,
-    seed: u64,
-) {
-    const STEP_KM: f64 = 0.5;
-    let start = at_along(main, leaves_km);
-    let (tx, ty) = start.direction;
-    let (nx, ny) = (-ty * side, tx * side);
-    let head_m = 1750.0 + 250.0 * signed(number, 1, seed ^ 0x51de);
-    let (mut x, mut y, mut gone) = (start.x, start.y, 0.0);
-    let profile = |gone: f64| {
-        let share = (gone / length_km).min(1.0);
-        let floor_m = start.floor_m + (head_m - start.floor_m) * share * share;
+    /// Height of the floor at its head, before the seed changes it, metres.
+    head_m: f64,
+    /// Half width of the floor at its mouth, km.
+    floor_km: f64,
+    wall_km: f64,
+}
+
+impl Tributary {
+    /// Half-kilometre pieces that wander away and climb, slowly first; returns its points.
+    fn run(&self, number: u16, seed: u64, pieces: &mut Vec<Piece>) -> Vec<CoursePoint> {
+        const STEP_KM: f64 = 0.5;
+        let (tx, ty) = self.start.direction;
+        let (nx, ny) = (-ty * self.side, tx * self.side);
+        let head_m = self.head_m + 250.0 * signed(i64::from(number), 1, seed ^ 0x51de);
+        let climb_m = (head_m - self.start.floor_m).max(100.0);
+        let mut points: Vec<CoursePoint> = Vec::new();
+        let (mut x, mut y, mut along) = (self.start.x, self.start.y, 0.0);
+        while along <= self.length_km {
+            // Across the other valley first, then drifting with it; both bends are of the seed.
+            let drift = crate::terrain::synth_noise::gradient(
+                along / 6.0,
+                f64::from(number) + 0.5,
+                seed ^ 0x51d3,
+            );
+            let bend = 0.25 + 1.0 * drift * smooth_step(0.0, 4.0, along);
+            let (dx, dy) = (nx + tx * bend, ny + ty * bend);
+            let norm = length(dx, dy);
+            let share = along / self.length_km;
+            points.push(CoursePoint {
+                x,
+                y,
+                along,
+                floor_m: self.start.floor_m + climb_m * share * (0.35 + 0.65 * share),
+                direction: (dx / norm, dy / norm),
+            });
+            x += dx / norm * STEP_KM;
+            y += dy / norm * STEP_KM;
+            along += STEP_KM;
+        }
         // Wide at its mouth, a gully at its head.
-        (floor_m, 0.75 - 0.65 * share)
-    };
-    while gone < length_km {
-        // Across the main valley first, then drifting with it; both bends are of the seed.
-        let drift = crate::terrain::synth_noise::gradient(
-            gone / 7.0,
-            f64::from(u8::try_from(number).unwrap_or(0)) + 0.5,
-            seed ^ 0x51d3,
-        );
-        let bend = 1.1 * drift * smooth_step(0.0, 4.0, gone);
-        let (dx, dy) = (nx + tx * bend, ny + ty * bend);
-        let norm = length(dx, dy);
-        let next = (x + dx / norm * STEP_KM, y + dy / norm * STEP_KM);
-        let ((floor_a, km_a), (floor_b, km_b)) = (profile(gone), profile(gone + STEP_KM));
-        pieces.push(Piece::new(
-            (x, y),
-            next,
-            (-1.0, -1.0),
-            (floor_a, floor_b),
-            (km_a, km_b),
-            SIDE_WALL_KM,
-        ));
-        (x, y) = next;
-        gone += STEP_KM;
+        let end = |p: &CoursePoint| End {
+            x: p.x,
+            y: p.y,
+            along: p.along,
+            floor_m: p.floor_m,
+            floor_km: self.floor_km * (1.0 - 0.9 * p.along / self.length_km),
+        };
+        for pair in points.windows(2) {
+            pieces.push(Piece::new(
+                number,
+                self.wall_km,
+                &end(&pair[0]),
+                &end(&pair[1]),
+            ));
+        }
+        points
     }
 }
 
