@@ -190,8 +190,8 @@ impl Landscape {
             self.seed ^ 0x41d6,
         );
         // Some massifs stand higher than others.
-        let massif_m = 700.0 * fractal(x / 17.0, y / 17.0, 2, self.seed ^ 0x3a55);
-        1550.0 + massif_m + 1850.0 * r
+        let massif_m = 600.0 * fractal(x / 17.0, y / 17.0, 2, self.seed ^ 0x3a55);
+        1450.0 + massif_m + 1650.0 * r
     }
 
     /// 1 inside, falling to 0 on the edge, along a line that is not straight.
