@@ -28,3 +28,6 @@ pub mod stream;
 pub mod surface;
 pub mod tables;
 pub mod worker;
+pub mod synth;
+pub mod synth_noise;
+mod synth_valley;
