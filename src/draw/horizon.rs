@@ -86,7 +86,7 @@ fn draw_background(pen: &mut Pen<'_>, p: &Projection) {
     let reach = p.up.abs().dot(size) * 0.5;
     let kept = px(p.focal * KEPT.to_radians().tan()).min(reach * 0.5);
     let horizon = p.rise(0.0).clamp(kept - reach, reach - kept);
-    let shade = px(p.focal * 25f64.to_radians().tan());
+    let shade = px(p.focal * 25_f64.to_radians().tan());
     let whole = super::list::Rect::new(0.0, 0.0, size.x, size.y);
     pen.list.rect(whole.grown(2.0), colour::SKY_HIGH);
     let mut band = |from: f32, to: f32, near: Colour, deep: Colour, smooth: bool| {
@@ -141,7 +141,7 @@ fn draw_horizon_line(pen: &mut Pen<'_>, p: &Projection) {
 
 /// The ladder's marks lie between these distances from the centre, in design units (up positive), and fade beyond them:
 /// above is the roll scale, below the heading window.
-const LADDER_REACH: (f32, f32) = (-190.0, 158.0);
+const LADDER_REACH: (f32, f32) = (-170.0, 158.0);
 const LADDER_FADE: f32 = 12.0;
 
 fn ladder_opacity(pen: &Pen<'_>, rise: f32) -> f32 {

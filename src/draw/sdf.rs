@@ -195,7 +195,7 @@ mod tests {
         }
         let mut field = vec![0; 28 * 28];
         outline.field(Vec2::new(-4.0, 24.0), 28, 28, 4.0, |i, j, v| {
-            field[j * 28 + i] = v
+            field[j * 28 + i] = v;
         });
         let at = |x: usize, y: usize| (f32::from(field[y * 28 + x]) / 255.0 - 0.5) * 8.0;
         // Texel (i, j) has its centre at (i - 3.5, 23.5 - j).

@@ -405,7 +405,7 @@ fn draw_baro(pen: &mut Pen<'_>, model: &Model) {
     let number = |pressure| format::baro(pressure, model.baro_unit);
     match model.baro {
         BaroBox::Pilot(pressure) => {
-            draw_setting(pen, rect, "", &number(pressure), unit, colour::SELECTED)
+            draw_setting(pen, rect, "", &number(pressure), unit, colour::SELECTED);
         }
         BaroBox::Standard => draw_setting(pen, rect, "", "STD", "BARO", colour::SELECTED),
         BaroBox::Source(Ok(pressure)) => {
