@@ -173,7 +173,7 @@ fn draw_ladder(pen: &mut Pen<'_>, p: &Projection, pass: Pass) {
         if k % 4 == 0 {
             let label = format::mark(i64::from(k.abs() / 4 * 10));
             let out = half + pen.px(8.0);
-            let style = bold(11.0, ink);
+            let style = bold(12.0, ink);
             pen.turned_text(
                 &label,
                 p.at(-out, rise),
@@ -267,9 +267,14 @@ pub(super) fn draw_annunciation(pen: &mut Pen<'_>, model: &Model) {
     let rect = pen.layout.annunciation;
     pen.field(rect);
     let centre = rect.centre();
-    let step = Vec2::Y * pen.px(9.0);
-    pen.text("SVS OFF", centre - step, Align::Centre, bold(9.5, ink));
-    pen.text(off.label(), centre + step, Align::Centre, regular(9.5, ink));
+    let step = Vec2::Y * pen.px(10.0);
+    pen.text("SVS OFF", centre - step, Align::Centre, bold(10.5, ink));
+    pen.text(
+        off.label(),
+        centre + step,
+        Align::Centre,
+        regular(10.5, ink),
+    );
 }
 
 #[cfg(test)]

@@ -54,14 +54,19 @@ impl Outline {
         spread: f32,
         mut put: impl FnMut(usize, usize, u8),
     ) {
-        let mut nearest = vec![spread; width * height];
+        // Squared until the end.
+        let mut nearest = vec![spread * spread; width * height];
         for &(a, b) in &self.pieces {
             let (low, high) = (a.min(b) - spread, a.max(b) + spread);
+            let along = b - a;
+            let scale = 1.0 / along.length_squared();
+            let columns = texels(low.x - origin.x, high.x - origin.x, width);
             for j in texels(origin.y - high.y, origin.y - low.y, height) {
-                for i in texels(low.x - origin.x, high.x - origin.x, width) {
-                    let d = distance(centre(origin, i, j), a, b);
-                    let slot = &mut nearest[j * width + i];
-                    *slot = slot.min(d);
+                let row = &mut nearest[j * width..(j + 1) * width];
+                for i in columns.clone() {
+                    let from = centre(origin, i, j) - a;
+                    let t = (from.dot(along) * scale).clamp(0.0, 1.0);
+                    row[i] = row[i].min((from - along * t).length_squared());
                 }
             }
         }
@@ -75,11 +80,8 @@ impl Outline {
                     .filter(|(at, _)| *at <= x)
                     .map(|(_, turn)| turn)
                     .sum();
-                let signed = if winding == 0 {
-                    -nearest[j * width + i]
-                } else {
-                    nearest[j * width + i]
-                };
+                let distance = nearest[j * width + i].sqrt();
+                let signed = if winding == 0 { -distance } else { distance };
                 put(i, j, byte(0.5 + signed / (2.0 * spread)));
             }
         }
@@ -150,12 +152,6 @@ fn centre(origin: Vec2, i: usize, j: usize) -> Vec2 {
     )]
     let offset = Vec2::new(i as f32 + 0.5, j as f32 + 0.5);
     Vec2::new(origin.x + offset.x, origin.y - offset.y)
-}
-
-fn distance(p: Vec2, a: Vec2, b: Vec2) -> f32 {
-    let along = b - a;
-    let t = ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-    (p - a - along * t).length()
 }
 
 /// 0 to 1 as 0 to 255.

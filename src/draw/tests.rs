@@ -162,7 +162,7 @@ fn without_attitude_there_is_no_ladder_no_horizon_and_no_roll_scale() {
     state.set(P::Roll, Sampled::fault(Invalid::Stale, NOW), SourceId(0));
     drawn(&state, &mut list);
     // Nothing is tilted but the diagonals of flags and the tips of windows, which lie outside of the middle.
-    let sky = Rect::new(270.0, 60.0, 480.0, 95.0);
+    let sky = Rect::new(290.0, 60.0, 440.0, 95.0);
     let above = inside(&list, sky);
     // The pointer and the foot of the slip ball, each with its rim.
     assert_eq!(above.len(), 4, "{above:?}");
