@@ -1,4 +1,11 @@
 //! The primary flight display in pixels, drawn by the GPU (or its software) without a screen.
+#![expect(clippy::panic, reason = "a test fails by panicking")]
+#![expect(clippy::print_stdout, reason = "a skipped test says so")]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "coordinates of pixels inside of small pictures"
+)]
 
 use glam::{DVec2, Vec2};
 use glasswing::display::colour;
