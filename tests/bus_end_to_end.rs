@@ -119,7 +119,7 @@ fn a_full_ring_drops_the_newest_and_counts_them() {
     let held = u64::try_from(source.signals.slots()).expect("small");
     assert_eq!(held, 4096, "the ring is full");
     assert!(
-        dropped > 0 && (held + dropped) % 300 == 0,
+        dropped > 0 && (held + dropped).is_multiple_of(300),
         "{held} {dropped}"
     );
 }
