@@ -59,7 +59,7 @@ fn run(protocol: Protocol, endpoint: Endpoint, frames: u64, send: &mut dyn FnMut
         before,
         "sending and fusion allocate"
     );
-    assert_eq!(figures.snapshot().good, frames);
+    assert_eq!(figures.snapshot().good, frames, "all frames are good");
     let [first, last] = [0, 1].map(|i| notes[i].load(Ordering::Acquire));
     assert_eq!(first, last, "the bus thread allocates");
 }
