@@ -1,4 +1,10 @@
 //! Pictures drawn on the headless screens, read back and checked pixel by pixel.
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test fails by panicking"
+)]
+#![expect(clippy::print_stdout, reason = "a skipped test says so")]
 
 use std::rc::Rc;
 
@@ -31,18 +37,111 @@ struct Vertex {
     colour: [u8; 4],
 }
 
-/// The screen, or a plain word on why the test cannot run here.
-fn headless() -> Option<(Rc<Gpu>, Box<dyn Screen>)> {
+/// A screen and its GPU (to be dropped in the opposite order), or a plain word on why the test cannot run here.
+fn headless() -> Option<(Box<dyn Screen>, Rc<Gpu>)> {
     match screen::surfaceless::open(WIDTH, HEIGHT) {
         Ok(screen) => {
             let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
-            Some((gpu, Box::new(screen)))
+            Some((Box::new(screen), gpu))
         }
         Err(e) => {
             println!("SKIPPED: no EGL here: {e}");
             None
         }
     }
+}
+
+/// A scene with slopes, blended colours and depth: two triangles that cut through each other.
+fn scene(gpu: &Rc<Gpu>) -> Vec<u8> {
+    let vert = "
+        layout(location = 0) in vec4 position;
+        out vec3 v_colour;
+        uniform float u_scale;
+        void main() {
+            v_colour = 0.5 + 0.5 * vec3(position.xy, sin(float(gl_VertexID)));
+            gl_Position = vec4(position.xyz * u_scale, position.w);
+        }";
+    let frag = "
+        in vec3 v_colour;
+        out mediump vec4 o_colour;
+        void main() { o_colour = vec4(v_colour * v_colour, 1.0); }";
+    let target = Target::offscreen(gpu, WIDTH, HEIGHT, 0).unwrap();
+    let program = Program::new(gpu, "scene", vert, frag).unwrap();
+    let corners: [[f32; 4]; 6] = [
+        [-0.9, -0.8, -0.5, 1.0],
+        [0.8, -0.6, 0.5, 1.3],
+        [0.1, 0.9, 0.2, 1.0],
+        [-0.7, 0.7, -0.6, 1.0],
+        [0.9, 0.8, 0.1, 1.1],
+        [0.3, -0.9, 0.4, 1.0],
+    ];
+    let buffer = Buffer::fixed(gpu, Role::Vertex, &corners).unwrap();
+    let position = Attribute {
+        location: 0,
+        components: 4,
+        scalar: Scalar::F32,
+        offset_bytes: 0,
+    };
+    let array = VertexArray::new(gpu, &buffer, 16, &[position], None).unwrap();
+    let scale = program.uniform("u_scale").unwrap();
+    target.bind();
+    gpu.clear([0.1, 0.2, 0.3, 1.0]);
+    gpu.depth_test(true);
+    program.bind();
+    program.set_f32(&scale, &[0.95]);
+    array.draw(Primitive::Triangles, 0, 6);
+    let mut pixels = vec![0; (WIDTH * HEIGHT * 4) as usize];
+    target.read_rgba(&mut pixels);
+    gpu.end_frame().unwrap();
+    pixels
+}
+
+#[test]
+fn osmesa_and_egl_draw_the_same_picture() {
+    // One context after the other: both libraries share the notion of the current context.
+    let Some((screen, gpu)) = headless() else {
+        return;
+    };
+    let by_egl = scene(&gpu);
+    let renderer = gpu.caps().renderer.clone();
+    drop(gpu);
+    drop(screen);
+    let screen = match screen::osmesa::open(WIDTH, HEIGHT) {
+        Ok(screen) => screen,
+        Err(e) => {
+            println!("SKIPPED: no OSMesa here: {e}");
+            return;
+        }
+    };
+    let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
+    assert_eq!(gpu.caps().flavour, Flavour::DesktopCore33);
+    let by_osmesa = scene(&gpu);
+    if gpu.caps().renderer.split(' ').next() != renderer.split(' ').next() {
+        println!(
+            "SKIPPED: EGL draws with {renderer}, OSMesa with {}",
+            gpu.caps().renderer
+        );
+        return;
+    }
+    let background = [26, 51, 77, 255];
+    let drawn = by_egl.chunks_exact(4).filter(|p| *p != background).count();
+    assert!(drawn > 500, "only {drawn} pixels were drawn");
+    for (at, (a, b)) in by_egl.iter().zip(&by_osmesa).enumerate() {
+        assert!(a.abs_diff(*b) <= 1, "byte {at}: {a} by EGL, {b} by OSMesa");
+    }
+}
+
+#[test]
+fn a_headless_screen_counts_what_it_is_shown() {
+    let Ok(mut screen) = screen::surfaceless::open(WIDTH, HEIGHT) else {
+        println!("SKIPPED: no EGL here");
+        return;
+    };
+    let first = screen.present().unwrap();
+    let second = screen.present().unwrap();
+    assert_eq!((first.sequence, second.sequence), (1, 2));
+    assert!(second.at >= first.at);
+    assert!(screen.is_headless());
 }
 
 /// A green triangle over the lower left half of blue, drawn and read back.
@@ -93,7 +192,7 @@ fn pixel(pixels: &[u8], x: u32, y: u32) -> [u8; 4] {
 
 #[test]
 fn a_triangle_is_where_it_was_drawn_with_the_top_row_first() {
-    let Some((gpu, _screen)) = headless() else {
+    let Some((_screen, gpu)) = headless() else {
         return;
     };
     assert_eq!(gpu.caps().flavour, Flavour::Es3);
@@ -118,7 +217,7 @@ fn a_triangle_is_where_it_was_drawn_with_the_top_row_first() {
 
 #[test]
 fn multisampling_smooths_the_edge_and_nothing_else() {
-    let Some((gpu, _screen)) = headless() else {
+    let Some((_screen, gpu)) = headless() else {
         return;
     };
     if gpu.caps().samples_max < 4 {
@@ -140,7 +239,7 @@ fn multisampling_smooths_the_edge_and_nothing_else() {
 
 #[test]
 fn integer_texels_arrive_exactly() {
-    let Some((gpu, _screen)) = headless() else {
+    let Some((_screen, gpu)) = headless() else {
         return;
     };
     // Each texel of a WIDTH x HEIGHT texture holds its own column and 65535 less its row; the shader compares.
@@ -194,7 +293,7 @@ fn integer_texels_arrive_exactly() {
 
 #[test]
 fn a_shader_that_does_not_compile_is_named_with_the_drivers_log() {
-    let Some((gpu, _screen)) = headless() else {
+    let Some((_screen, gpu)) = headless() else {
         return;
     };
     let error = Program::new(&gpu, "broken", VERT, "void main() { missing = 1.0; }").unwrap_err();
@@ -207,7 +306,7 @@ fn a_shader_that_does_not_compile_is_named_with_the_drivers_log() {
 
 #[test]
 fn impossible_sizes_are_refused_with_the_limit() {
-    let Some((gpu, _screen)) = headless() else {
+    let Some((_screen, gpu)) = headless() else {
         return;
     };
     let limit = gpu.caps().texture_size_max;

@@ -18,8 +18,11 @@
 pub mod buffer;
 pub mod caps;
 pub mod program;
+pub mod sky;
 pub mod target;
+pub mod terrain;
 pub mod texture;
+pub mod vector;
 
 use std::ffi::{CStr, c_char, c_void};
 use std::rc::Rc;
@@ -151,6 +154,19 @@ impl Gpu {
             self.gl.depth_mask(true);
             self.gl
                 .clear(glow::COLOR_BUFFER_BIT | glow::DEPTH_BUFFER_BIT);
+        }
+    }
+
+    /// Tests depth (nearer wins, equal depths keep what is there) and writes it, or does neither. The depth function is
+    /// never changed: mixing directions costs V3D its early rejection for the whole frame.
+    pub fn depth_test(&self, on: bool) {
+        // SAFETY: the context is current on this thread (Gpu is !Send).
+        unsafe {
+            if on {
+                self.gl.enable(glow::DEPTH_TEST);
+            } else {
+                self.gl.disable(glow::DEPTH_TEST);
+            }
         }
     }
 

@@ -111,6 +111,30 @@ impl Program {
         Ok(())
     }
 
+    /// Sets a `float`, `vec2`, `vec3`, `vec4` or `mat4` (by columns) from 1, 2, 3, 4 or 16 numbers. The program must be
+    /// bound.
+    ///
+    /// # Panics
+    /// For another count of numbers.
+    pub fn set_f32(&self, at: &UniformLocation, numbers: &[f32]) {
+        let gl = self.gpu.gl();
+        // SAFETY: as in `bind`; GL checks that the location's type fits and refuses otherwise.
+        unsafe {
+            match numbers.len() {
+                1 => gl.uniform_1_f32_slice(Some(at), numbers),
+                2 => gl.uniform_2_f32_slice(Some(at), numbers),
+                3 => gl.uniform_3_f32_slice(Some(at), numbers),
+                4 => gl.uniform_4_f32_slice(Some(at), numbers),
+                16 => gl.uniform_matrix_4_f32_slice(Some(at), false, numbers),
+                count => assert!(
+                    matches!(count, 1..=4 | 16),
+                    "shader {}: a uniform of {count} numbers",
+                    self.name
+                ),
+            }
+        }
+    }
+
     fn no_uniform(&self, name: &str) -> GlError {
         GlError::Uniform {
             name: self.name,

@@ -12,6 +12,8 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use glasswing::screen::{self, Screen, ScreenError};
+
 /// The variable Cargo itself reads to find the program that runs aarch64 binaries on another machine.
 const AARCH64_RUNNER: &str = "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER";
 
@@ -36,6 +38,24 @@ pub(crate) fn glasswing_command() -> Command {
 /// True when the tests run under an emulator: they may then be an order of magnitude slower, never different.
 pub(crate) fn is_emulated() -> bool {
     cfg!(target_arch = "aarch64") && std::env::var_os(AARCH64_RUNNER).is_some()
+}
+
+/// The headless screen the tests draw on: EGL, or what `GLASSWING_TEST_SCREEN` names (`surfaceless` or `osmesa`).
+///
+/// # Panics
+/// If that screen does not open: `dev` installs both, so a machine without them is a failure, not a reason to skip.
+#[expect(
+    clippy::panic,
+    reason = "without the screen that was asked for there is no test"
+)]
+pub(crate) fn headless_screen(width_px: u32, height_px: u32) -> Box<dyn Screen> {
+    let kind = std::env::var("GLASSWING_TEST_SCREEN").unwrap_or_else(|_| "surfaceless".to_owned());
+    let opened: Result<Box<dyn Screen>, ScreenError> = match kind.as_str() {
+        "surfaceless" => screen::surfaceless::open(width_px, height_px).map(|s| Box::new(s) as _),
+        "osmesa" => screen::osmesa::open(width_px, height_px).map(|s| Box::new(s) as _),
+        _ => panic!("GLASSWING_TEST_SCREEN is {kind}: it may be surfaceless or osmesa"),
+    };
+    opened.unwrap_or_else(|e| panic!("{kind}: {e}"))
 }
 
 /// The root of the source tree.

@@ -9,6 +9,8 @@ mod reader;
 use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;
 use crate::limits::SOURCES_MAX;
+use crate::proto::Protocol;
+use crate::screen::{self, ModeWish, Wishes};
 use crate::units::{Knots, Radians};
 use reader::{Problem, Reader};
 use std::net::{IpAddr, SocketAddr};
@@ -42,36 +44,17 @@ pub struct Board {
     pub input: bool,
 }
 
-/// Which kind of screen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ScreenKind {
-    /// KMS where a card with a connected screen is free, else surfaceless.
-    Auto,
-    /// The whole screen through KMS.
-    Kms,
-    /// Headless through EGL.
-    Surfaceless,
-    /// Headless through OSMesa.
-    Osmesa,
-}
-
 /// Where to draw, and how.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScreenWish {
-    /// Which kind.
-    pub kind: ScreenKind,
+    /// Which kind, and for KMS what to show on.
+    pub kind: screen::Kind,
     /// Size of a headless picture.
     pub size: Size,
     /// Frames per second of a headless screen.
     pub rate_hz: u32,
     /// Samples per pixel: 0 or 4.
     pub samples: u32,
-    /// The card's device file; the first with a connected screen if none.
-    pub card: Option<PathBuf>,
-    /// The connector's name, as in `HDMI-A-1`; the first connected one if none.
-    pub connector: Option<String>,
-    /// The mode as `WIDTHxHEIGHT` or `WIDTHxHEIGHT@HZ`; the preferred one if none.
-    pub mode: Option<String>,
 }
 
 /// Unit of the displayed pressure setting.
@@ -118,15 +101,6 @@ pub struct SourceWish {
     pub protocol: Protocol,
     /// Where it is heard.
     pub endpoint: Endpoint,
-}
-
-/// What a source speaks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Protocol {
-    /// FlightGear's native FDM packets.
-    Fgfdm,
-    /// CANaerospace 1.7.
-    Canaerospace,
 }
 
 /// Where a source is heard.
@@ -281,30 +255,26 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
 }
 
 fn read_screen(r: &mut Reader, problems: &mut Vec<Problem>) -> Option<ScreenWish> {
-    let kind = r.choice(
-        "kind",
-        &[
-            ("auto", ScreenKind::Auto),
-            ("kms", ScreenKind::Kms),
-            ("surfaceless", ScreenKind::Surfaceless),
-            ("osmesa", ScreenKind::Osmesa),
-        ],
-        problems,
-    );
+    let wishes = Wishes {
+        card: r.optional_text("card", problems).map(PathBuf::from),
+        connector: r.optional_text("connector", problems),
+        mode: r.optional_parsed::<ModeWish>("mode", "WIDTHxHEIGHT or WIDTHxHEIGHT@HZ", problems),
+    };
+    let kinds = ["auto", "kms", "surfaceless", "osmesa"].map(|name| (name, name));
+    let kind = match r.choice("kind", &kinds, problems)? {
+        "auto" => screen::Kind::Auto(wishes),
+        "kms" => screen::Kind::Kms(wishes),
+        "osmesa" => screen::Kind::OsMesa,
+        _ => screen::Kind::Surfaceless,
+    };
     let size = r.parsed::<Size>("size_px", problems);
     let rate_hz = r.whole("rate_hz", 1..=240, problems);
     let samples = r.choice("antialiasing", &[("none", 0), ("4x", 4)], problems);
-    let card = r.optional_text("card", problems).map(PathBuf::from);
-    let connector = r.optional_text("connector", problems);
-    let mode = r.optional_text("mode", problems);
     Some(ScreenWish {
-        kind: kind?,
+        kind,
         size: size?,
         rate_hz: rate_hz?,
         samples: samples?,
-        card,
-        connector,
-        mode,
     })
 }
 
@@ -367,14 +337,7 @@ fn read_sources(tables: Vec<Reader>, problems: &mut Vec<Problem>) -> Vec<SourceW
     let mut sources: Vec<SourceWish> = Vec::new();
     for mut r in tables {
         let name = r.text("name", problems);
-        let protocol = r.choice(
-            "protocol",
-            &[
-                ("fgfdm", Protocol::Fgfdm),
-                ("canaerospace", Protocol::Canaerospace),
-            ],
-            problems,
-        );
+        let protocol = r.choice("protocol", &Protocol::ALL.map(|p| (p.name(), p)), problems);
         let endpoint = read_endpoint(&mut r, protocol, problems);
         if let Some(name) = &name
             && sources.iter().any(|s| s.name == *name)
@@ -437,8 +400,8 @@ fn read_endpoint(
     let fits = matches!(
         (protocol, &endpoint),
         (None, _)
-            | (Some(Protocol::Fgfdm), Endpoint::Udp { .. })
-            | (Some(Protocol::Canaerospace), Endpoint::Can { .. })
+            | (Some(Protocol::FgFdm), Endpoint::Udp { .. })
+            | (Some(Protocol::CanAerospace), Endpoint::Can { .. })
     );
     if !fits {
         let todo = "fgfdm comes over udp, canaerospace over can";

@@ -15,7 +15,7 @@ fn load(text: &str) -> Result<Board, Vec<String>> {
 #[test]
 fn the_base_board_is_valid() {
     let board = Board::base().expect("boards/base.toml is valid");
-    assert_eq!(board.screen.kind, ScreenKind::Auto);
+    assert_eq!(board.screen.kind, screen::Kind::Auto(Wishes::default()));
     assert!(
         board.sources.is_empty(),
         "the base board listens to nothing"

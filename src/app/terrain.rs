@@ -1,0 +1,518 @@
+//! `glasswing terrain`: bake, synth, info, verify, height.
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "the command's output, and warnings beside it"
+)]
+
+use crate::app::{Failure, Kind};
+use crate::terrain::bake::{self, BakeError, Heights, Seam};
+use crate::terrain::codec::{SurfaceKind, Tile};
+use crate::terrain::height::{GroundReader, HeightError};
+use crate::terrain::pack::{Bounds, Pack, PackInfo, TileReader};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::{Value, json};
+use std::error::Error as _;
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Terrain packs: make them, look into them.
+#[derive(Debug, clap::Subcommand)]
+pub enum TerrainCommand {
+    /// Turn elevation files into a pack.
+    ///
+    /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it) and GeoTIFF (.tif, .tiff: one
+    /// band of Int16, UInt16 or Float32 in EPSG:4326). Posts are kept as they are; holes are filled for drawing and stay
+    /// marked; flat connected areas become water. The pack appears under its name only when it is whole.
+    #[command(
+        after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack"
+    )]
+    Bake(BakeArgs),
+    /// Show what is in a pack.
+    #[command(after_help = "Example:\n  glasswing terrain info bohemia.pack")]
+    Info(PackArgs),
+    /// Read every tile of a pack and test its checksum.
+    ///
+    /// Names every damaged tile; the exit code is 3 if there is one.
+    #[command(after_help = "Example:\n  glasswing terrain verify bohemia.pack")]
+    Verify(PackArgs),
+    /// Print the height of the ground at a point.
+    ///
+    /// Bilinear between the four posts of the finest level around the point. `void`: a post it rests on was never measured.
+    #[command(after_help = "Example:\n  glasswing terrain height andes.pack -32.6533 -70.0108")]
+    Height(HeightArgs),
+}
+
+/// Arguments of `terrain bake`.
+#[derive(Debug, clap::Args)]
+pub struct BakeArgs {
+    /// Elevation files; neighbours in any order.
+    #[arg(required = true, value_name = "INPUT")]
+    inputs: Vec<PathBuf>,
+    /// The pack to write.
+    #[arg(long, value_name = "PACK")]
+    out: PathBuf,
+    /// What the inputs' heights refer to: the EGM96 geoid (SRTM's do) or the WGS 84 ellipsoid.
+    #[arg(long, value_enum, default_value = "egm96")]
+    heights: HeightsArg,
+    /// Take only this part: southern, western, northern, eastern edge in degrees.
+    #[arg(long, value_name = "S,W,N,E", allow_hyphen_values = true, value_parser = parse_region)]
+    region: Option<Bounds>,
+    /// Threads; as many as the machine has cores if not given. The pack is the same whatever their number.
+    #[arg(long, value_name = "N")]
+    jobs: Option<NonZeroUsize>,
+}
+
+/// A vertical datum on the command line.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub enum HeightsArg {
+    /// Above the EGM96 geoid (mean sea level).
+    Egm96,
+    /// Above the WGS 84 ellipsoid.
+    Ellipsoidal,
+}
+
+/// Arguments of `terrain info` and `terrain verify`.
+#[derive(Debug, clap::Args)]
+pub struct PackArgs {
+    /// The pack.
+    pack: PathBuf,
+    /// One JSON document on stdout instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Arguments of `terrain height`.
+#[derive(Debug, clap::Args)]
+pub struct HeightArgs {
+    /// The pack.
+    pack: PathBuf,
+    /// Latitude, degrees north.
+    #[arg(allow_negative_numbers = true, value_name = "LAT")]
+    latitude: f64,
+    /// Longitude, degrees east.
+    #[arg(allow_negative_numbers = true, value_name = "LON")]
+    longitude: f64,
+    /// One JSON document on stdout instead of text.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs a terrain command.
+///
+/// # Errors
+/// With what the user can do about it.
+pub fn run(command: TerrainCommand) -> Result<(), Failure> {
+    match command {
+        TerrainCommand::Bake(args) => bake(&args),
+        TerrainCommand::Info(args) => info(&args),
+        TerrainCommand::Verify(args) => verify(&args),
+        TerrainCommand::Height(args) => height(&args),
+    }
+}
+
+fn parse_region(text: &str) -> Result<Bounds, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|n| n.trim().parse().map_err(|_| format!("`{n}` is no number")))
+        .collect::<Result<_, _>>()?;
+    let &[south_deg, west_deg, north_deg, east_deg] = numbers.as_slice() else {
+        return Err("four numbers are wanted: S,W,N,E in degrees".to_owned());
+    };
+    if !(-90.0 <= south_deg && south_deg < north_deg && north_deg <= 90.0) {
+        return Err("the southern edge must lie below the northern, within 90 degrees".to_owned());
+    }
+    if !(-180.0 <= west_deg && west_deg < east_deg && east_deg <= 180.0) {
+        return Err("the western edge must lie below the eastern, within 180 degrees".to_owned());
+    }
+    Ok(Bounds {
+        south_deg,
+        west_deg,
+        north_deg,
+        east_deg,
+    })
+}
+
+/// Opens a pack.
+///
+/// # Errors
+/// Naming the pack, what is wrong with it and what to do.
+pub fn open_pack(path: &Path) -> Result<Pack, Failure> {
+    Pack::open(path).map_err(|e| {
+        let failure = Failure::new(Kind::Input, path.display(), &e, e.remedy());
+        match e {
+            crate::terrain::pack::PackError::Io(cause) => failure.caused_by(cause),
+            _ => failure,
+        }
+    })
+}
+
+fn bake(args: &BakeArgs) -> Result<(), Failure> {
+    let stop = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        // Without the handler the signal ends the program at once, and the temporary file stays: no worse than kill -9.
+        let _ = signal_hook::flag::register(signal, Arc::clone(&stop));
+    }
+    let bar = progress_bar();
+    let job = bake::Job {
+        inputs: &args.inputs,
+        out: &args.out,
+        heights: match args.heights {
+            HeightsArg::Egm96 => Heights::Egm96,
+            HeightsArg::Ellipsoidal => Heights::Ellipsoidal,
+        },
+        region: args.region,
+        jobs: jobs(args.jobs),
+        stop: &stop,
+    };
+    let report = bake::bake(&job, &mut |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    let report = report.map_err(bake_failure)?;
+    for seam in &report.seams {
+        warn_seam(seam);
+    }
+    println!("{}: {}", args.out.display(), summary(&report.info));
+    Ok(())
+}
+
+fn jobs(asked: Option<NonZeroUsize>) -> usize {
+    let cores = || std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    asked.map_or_else(cores, NonZeroUsize::get)
+}
+
+fn progress_bar() -> ProgressBar {
+    // indicatif draws on stderr, and nothing where that is no terminal.
+    let style = ProgressStyle::with_template("{wide_bar} {pos} of {len} degree cells, {eta} left");
+    ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}
+
+fn warn_seam(seam: &Seam) {
+    eprintln!(
+        "glasswing: {} and {}: their shared posts differ by up to {} m, at {:.5} N {:.5} E ({} posts; the heights of {} were \
+         taken)",
+        seam.taken.display(),
+        seam.other.display(),
+        seam.difference_m,
+        seam.latitude_deg,
+        seam.longitude_deg,
+        seam.posts,
+        seam.taken.display(),
+    );
+}
+
+fn bake_failure(error: BakeError) -> Failure {
+    match error {
+        BakeError::Input(path, why) => {
+            let failure = Failure::new(Kind::Input, path.display(), &why, why.remedy());
+            if why.source().is_some() {
+                failure.caused_by(Chain(why))
+            } else {
+                failure
+            }
+        }
+        BakeError::Overlap { ref first, .. } => Failure::new(
+            Kind::Input,
+            first.display(),
+            &error,
+            "give one of them, or cut with --region",
+        ),
+        BakeError::NothingInRegion => Failure::new(
+            Kind::Usage,
+            "--region",
+            &error,
+            "give the region as S,W,N,E in degrees, south and west negative",
+        ),
+        BakeError::Output(path, why) => Failure::new(
+            Kind::Other,
+            path.display(),
+            "the pack cannot be written",
+            "check the folder, its permissions and the space left",
+        )
+        .caused_by(why),
+        BakeError::Stopped => Failure::new(
+            Kind::Other,
+            "terrain bake",
+            "interrupted; no pack was written",
+            "run it again",
+        ),
+    }
+}
+
+/// An input error's cause without the sentence that the failure itself already says.
+#[derive(Debug)]
+struct Chain(crate::terrain::input::InputError);
+
+impl std::fmt::Display for Chain {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.0.source() {
+            Some(cause) => write!(f, "{cause}"),
+            None => write!(f, "{}", self.0),
+        }
+    }
+}
+
+impl std::error::Error for Chain {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        self.0.source().and_then(std::error::Error::source)
+    }
+}
+
+fn summary(info: &PackInfo) -> String {
+    let b = &info.bounds;
+    format!(
+        "{} tiles in {} levels, {} bytes, {} to {} N, {} to {} E",
+        info.tiles, info.levels, info.bytes, b.south_deg, b.north_deg, b.west_deg, b.east_deg
+    )
+}
+
+/// What the index says of each level.
+struct LevelSummary {
+    tiles: u64,
+    bytes: u64,
+}
+
+fn level_summaries(pack: &Pack) -> Vec<LevelSummary> {
+    (0..pack.info().levels)
+        .map(|level| {
+            let of_level = pack.keys().filter(|k| k.level == level);
+            let headers = of_level.filter_map(|k| pack.tile_header(k));
+            headers.fold(LevelSummary { tiles: 0, bytes: 0 }, |s, h| LevelSummary {
+                tiles: s.tiles + 1,
+                bytes: s.bytes + u64::from(h.stored_bytes),
+            })
+        })
+        .collect()
+}
+
+/// Bits of stored tiles for each post of the ground.
+fn bits_per_sample(bytes: u64, posts: u64) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "a figure for people")]
+    {
+        bytes as f64 * 8.0 / posts.max(1) as f64
+    }
+}
+
+fn max_error_m(pack: &Pack) -> f32 {
+    let headers = pack.keys().filter_map(|k| pack.tile_header(k));
+    headers.map(|h| h.max_error_m).fold(0.0, f32::max)
+}
+
+fn info(args: &PackArgs) -> Result<(), Failure> {
+    let pack = open_pack(&args.pack)?;
+    let levels = level_summaries(&pack);
+    if args.json {
+        println!("{}", info_json(&args.pack, &pack, &levels));
+    } else {
+        print_info(&args.pack, &pack, &levels);
+    }
+    Ok(())
+}
+
+fn info_json(path: &Path, pack: &Pack, levels: &[LevelSummary]) -> Value {
+    let info = pack.info();
+    let rows: Vec<Value> = std::iter::zip(0_u8.., levels)
+        .map(|(level, s)| {
+            json!({
+                "level": level,
+                "spacing_deg": info.grid.spacing_deg(level),
+                "tiles": s.tiles,
+                "bytes": s.bytes,
+            })
+        })
+        .collect();
+    let sources: Vec<Value> = pack
+        .sources()
+        .iter()
+        .map(|s| json!({"name": s.name, "bounds": bounds_json(&s.rect.bounds(info.grid))}))
+        .collect();
+    let all: u64 = levels.iter().map(|l| l.bytes).sum();
+    json!({
+        "pack": path.display().to_string(),
+        "version": info.version,
+        "posts_per_degree": info.grid.posts_per_degree,
+        "levels": rows,
+        "bounds": bounds_json(&info.bounds),
+        "unit_m": info.unit_m,
+        "base_m": info.base_m,
+        "height_min_m": info.height_min_m,
+        "height_max_m": info.height_max_m,
+        "posts": info.posts,
+        "void_posts": info.void_posts,
+        "water_posts": info.water_posts,
+        "tiles": info.tiles,
+        "bytes": info.bytes,
+        "bits_per_sample": bits_per_sample(levels.first().map_or(0, |l| l.bytes), info.posts),
+        "bits_per_sample_all_levels": bits_per_sample(all, info.posts),
+        "max_error_m": max_error_m(pack),
+        "sources": sources,
+    })
+}
+
+fn bounds_json(b: &Bounds) -> Value {
+    json!({"south": b.south_deg, "west": b.west_deg, "north": b.north_deg, "east": b.east_deg})
+}
+
+fn print_info(path: &Path, pack: &Pack, levels: &[LevelSummary]) {
+    let info = pack.info();
+    let b = &info.bounds;
+    let all: u64 = levels.iter().map(|l| l.bytes).sum();
+    println!("{}: terrain pack, format {}", path.display(), info.version);
+    println!(
+        "bounds      {} to {} N, {} to {} E",
+        b.south_deg, b.north_deg, b.west_deg, b.east_deg
+    );
+    println!(
+        "heights     {} to {} m above EGM96, in steps of {} m, at most {} m from their source",
+        info.height_min_m,
+        info.height_max_m,
+        info.unit_m,
+        max_error_m(pack)
+    );
+    println!(
+        "posts       {} ({} a degree), of these {} void and {} water",
+        info.posts, info.grid.posts_per_degree, info.void_posts, info.water_posts
+    );
+    println!(
+        "bytes       {} in {} tiles; {:.2} bits a sample on the finest level, {:.2} with all levels",
+        info.bytes,
+        info.tiles,
+        bits_per_sample(levels.first().map_or(0, |l| l.bytes), info.posts),
+        bits_per_sample(all, info.posts),
+    );
+    println!("level  spacing/deg  tiles      bytes");
+    for (level, s) in std::iter::zip(0_u8.., levels) {
+        println!(
+            "{level:5}  {:11.7}  {:5}  {:9}",
+            info.grid.spacing_deg(level),
+            s.tiles,
+            s.bytes
+        );
+    }
+    for source in pack.sources() {
+        let b = source.rect.bounds(info.grid);
+        println!(
+            "source      {}: {} to {} N, {} to {} E",
+            source.name, b.south_deg, b.north_deg, b.west_deg, b.east_deg
+        );
+    }
+}
+
+fn verify(args: &PackArgs) -> Result<(), Failure> {
+    let pack = open_pack(&args.pack)?;
+    let mut reader = TileReader::new();
+    let mut tile = Tile::filled(0, SurfaceKind::Void);
+    let bar = progress_bar();
+    bar.set_length(pack.info().tiles);
+    let mut damaged = Vec::new();
+    for key in pack.keys() {
+        if let Err(why) = pack.read_tile(key, &mut reader, &mut tile) {
+            damaged.push((key, why));
+        }
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    if args.json {
+        let list: Vec<Value> = damaged
+            .iter()
+            .map(|(k, why)| {
+                json!({"level": k.level, "column": k.column, "row": k.row, "why": why.to_string()})
+            })
+            .collect();
+        println!(
+            "{}",
+            json!({"pack": args.pack.display().to_string(), "tiles": pack.info().tiles, "damaged": list})
+        );
+    } else {
+        for (key, why) in &damaged {
+            println!("{key}: {why}");
+        }
+        if damaged.is_empty() {
+            println!(
+                "{}: all {} tiles are sound",
+                args.pack.display(),
+                pack.info().tiles
+            );
+        }
+    }
+    match damaged.as_slice() {
+        [] => Ok(()),
+        [(key, why), ..] => Err(Failure::new(
+            Kind::Input,
+            args.pack.display(),
+            format!(
+                "{} of {} tiles damaged, the first {key}: {why}",
+                damaged.len(),
+                pack.info().tiles
+            ),
+            "copy it again from the original, or bake it again",
+        )),
+    }
+}
+
+fn height(args: &HeightArgs) -> Result<(), Failure> {
+    let pack = open_pack(&args.pack)?;
+    let (latitude, longitude) = (args.latitude, args.longitude);
+    let ground = GroundReader::new(&pack)
+        .at(latitude, longitude)
+        .map_err(|e| height_failure(args, &pack, e))?;
+    if args.json {
+        println!(
+            "{}",
+            json!({
+                "latitude": latitude,
+                "longitude": longitude,
+                "ellipsoidal_m": ground.height_ellipsoid.0,
+                "orthometric_m": ground.height_orthometric.0,
+                "level": 0,
+                "void": ground.void,
+                "water": ground.water,
+            })
+        );
+    } else {
+        let mark = match (ground.void, ground.water) {
+            (true, _) => " (void: not measured)",
+            (false, true) => " (water)",
+            (false, false) => "",
+        };
+        println!(
+            "{:.2} m above the ellipsoid, {:.2} m above EGM96, level 0{mark}",
+            ground.height_ellipsoid.0, ground.height_orthometric.0
+        );
+    }
+    Ok(())
+}
+
+fn height_failure(args: &HeightArgs, pack: &Pack, error: HeightError) -> Failure {
+    let point = format!("{} {}", args.latitude, args.longitude);
+    match error {
+        HeightError::NoPlace => Failure::new(
+            Kind::Usage,
+            point,
+            "is no place on Earth",
+            "give a latitude within 90 degrees and a longitude",
+        ),
+        HeightError::NotCovered => {
+            let b = &pack.info().bounds;
+            Failure::new(
+                Kind::Input,
+                args.pack.display(),
+                format!("does not cover {point}"),
+                format!(
+                    "its sources lie within {} to {} N, {} to {} E; `terrain info` lists them",
+                    b.south_deg, b.north_deg, b.west_deg, b.east_deg
+                ),
+            )
+        }
+        HeightError::Tile(key, why) => Failure::new(
+            Kind::Input,
+            args.pack.display(),
+            format!("its tile {key} cannot be read: {why}"),
+            "copy it again from the original, or bake it again",
+        ),
+    }
+}
