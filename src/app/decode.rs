@@ -15,8 +15,8 @@ use std::time::Duration;
 
 /// Decode a capture of bus traffic and say what is good, bad and ignored in it.
 ///
-/// FILE is a UDP capture container ([f64 little-endian seconds][u32 little-endian length][payload]...) for fgfdm, and a
-/// candump log (as `candump -l` writes it) for canaerospace.
+/// FILE is a UDP capture container for fgfdm (records of seconds as f64 and length as u32, both little-endian, then the
+/// payload), and a candump log (as `candump -l` writes it) for canaerospace.
 ///
 /// Every frame is counted once: as good, as bad under one kind, or as ignored (somebody else's traffic). A container that
 /// ends inside a record is decoded up to there and counted as `truncated`; a line that is no candump line as `malformed`.
