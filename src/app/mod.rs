@@ -7,6 +7,7 @@ pub mod cockpit;
 pub mod decode;
 pub mod error;
 pub mod figures;
+pub mod flight;
 pub mod fly;
 pub mod frames;
 pub mod health;
