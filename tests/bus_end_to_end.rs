@@ -7,10 +7,10 @@
 
 mod support;
 
-use glasswing::app::intake::{FusionThread, Intake};
+use glasswing::app::intake::Intake;
 use glasswing::app::sources::{listen, listen_can, listen_udp};
 use glasswing::bus::{BusError, Endpoint, SourceThread, can, loopback};
-use glasswing::limits::{DATAGRAM_BYTES_MAX, FUSION_PERIOD};
+use glasswing::limits::{DATAGRAM_BYTES_MAX, SIGNALS_QUEUED_MAX};
 use glasswing::proto::Protocol;
 use glasswing::proto::canaerospace::encode;
 use glasswing::sampled::Invalid;
@@ -54,29 +54,26 @@ fn wait_for_frames(thread: &SourceThread, frames: u64) {
 }
 
 #[test]
-fn a_datagram_becomes_a_published_state() {
+fn a_datagram_becomes_a_state_and_silence_makes_it_stale() {
     let address = free_address();
     let source = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect("opens");
-    let intake = Intake::new([source.signals], Fusion::new(&[ID]));
-    let (mut states, fusion) = FusionThread::start(intake, FUSION_PERIOD).expect("starts");
+    let mut intake = Intake::new([source.signals], Fusion::new(&[ID]));
     let now = Monotonic::read();
-    assert_eq!(
-        states.read().read(Parameter::Pitch, now),
-        Err(Invalid::NeverReceived)
-    );
+    let before = intake.step(now).read(Parameter::Pitch, now);
+    assert_eq!(before, Err(Invalid::NeverReceived));
     let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
     sender.send_to(&packet(0.125), address).expect("sent");
-    wait_until("the pitch is published", || {
-        states.read().read(Parameter::Pitch, Monotonic::read()) == Ok(0.125)
-    });
-    assert_eq!(states.read().source(Parameter::Pitch), Some(ID));
-    let silence = Monotonic::read().plus(Duration::from_millis(301));
+    wait_for_frames(&source.thread, 1);
+    let now = Monotonic::read();
+    let state = intake.step(now);
+    assert_eq!(state.read(Parameter::Pitch, now), Ok(0.125));
+    assert_eq!(state.source(Parameter::Pitch), Some(ID));
+    let silence = now.plus(Duration::from_millis(301));
     assert_eq!(
-        states.read().read(Parameter::Pitch, silence),
+        intake.step(silence).read(Parameter::Pitch, silence),
         Err(Invalid::Stale),
         "no frames, no attitude"
     );
-    drop(fusion);
 }
 
 #[test]
@@ -111,16 +108,16 @@ fn a_full_ring_drops_the_newest_and_counts_them() {
     let address = free_address();
     let source = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect("opens");
     let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
-    // 17 signals a packet here; 300 packets are more than the ring holds.
-    for sent in 1..=300 {
+    // 17 signals a packet here; 1000 packets are more than the ring holds.
+    for sent in 1..=1000 {
         sender.send_to(&packet(0.125), address).expect("sent");
         wait_for_frames(&source.thread, sent);
     }
     let dropped = source.thread.figures().snapshot().dropped;
     let held = u64::try_from(source.signals.slots()).expect("small");
-    assert_eq!(held, 4096, "the ring is full");
+    assert_eq!(held, SIGNALS_QUEUED_MAX as u64, "the ring is full");
     assert!(
-        dropped > 0 && (held + dropped).is_multiple_of(300),
+        dropped > 0 && (held + dropped).is_multiple_of(1000),
         "{held} {dropped}"
     );
 }
