@@ -196,6 +196,24 @@ fn thirty_frames_are_flipped_in_order_and_the_last_one_stays() {
 }
 
 #[test]
+fn frames_never_come_faster_than_the_display_can_show_them() {
+    let _one = display();
+    let Some(mut kms) = open(&Wishes::default()) else {
+        return;
+    };
+    let first = kms.present().unwrap();
+    for _ in 0..20 {
+        kms.present().unwrap();
+    }
+    let last = kms.present().unwrap();
+    let took = last.at.since(first.at).unwrap();
+    println!("21 empty frames took {took:?}");
+    // 75 Hz is the quickest of the virtual displays, 144 Hz of usual ones: 21 frames of 144 Hz take 146 ms. Without a
+    // pace they would be there in a few.
+    assert!(took > Duration::from_millis(140), "{took:?}");
+}
+
+#[test]
 fn a_smoothed_picture_reaches_the_display() {
     let _one = display();
     let Some(mut kms) = open(&Wishes::default()) else {

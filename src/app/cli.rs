@@ -1,7 +1,7 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, run, terrain};
+use crate::app::{check, decode, list, run, shot, terrain};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -34,10 +34,10 @@ enum Command {
     /// Bakes elevation data into a pack, and looks into packs
     #[command(subcommand)]
     Terrain(terrain::TerrainCommand),
-    //SHOT
+    Shot(shot::ShotArgs),
     Decode(decode::DecodeArgs),
     Check(check::CheckArgs),
-    //LIST
+    List(list::ListArgs),
 }
 
 /// Runs the program on the process's own arguments.
@@ -60,10 +60,10 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run::run(args),
         //DEMO
         Command::Terrain(command) => terrain::run(command).map_err(|f| vec![f]),
-        //SHOT
+        Command::Shot(args) => shot::run(args).map_err(|f| vec![f]),
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),
         Command::Check(args) => check::run(args),
-        //LIST
+        Command::List(args) => list::run(args).map_err(|f| vec![f]),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -30,6 +30,15 @@ const AGE_GROUPS: [(&str, Parameter); 4] = [
     ("position", Parameter::Latitude),
 ];
 
+/// Which frames are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Every {
+    /// Every n-th.
+    Nth(u64),
+    /// The first after each such time.
+    Time(Duration),
+}
+
 /// When a loop ends, how it paces itself and what it writes.
 #[derive(Debug)]
 pub struct Plan {
@@ -39,8 +48,8 @@ pub struct Plan {
     pub duration: Option<Duration>,
     /// Time between frames on a headless screen; a real screen paces the loop by its flips.
     pub headless_period: Duration,
-    /// Pictures to files: every `n`-th frame.
-    pub frames: Option<(FrameWriter, u64)>,
+    /// Pictures to files, and which.
+    pub frames: Option<(FrameWriter, Every)>,
     /// Fed with every flip.
     pub pulse: Arc<Pulse>,
     /// When the program started.
@@ -160,13 +169,14 @@ pub fn fly(
     let loop_started = Monotonic::read();
     let end = duration.map(|d| loop_started.plus(d));
     let mut next = loop_started;
+    let mut next_written = loop_started;
     while !stop.load(Ordering::Acquire) && end.is_none_or(|end| Monotonic::read() < end) {
         let now = Monotonic::read();
         before_frame(cockpit);
         let state = state(now);
         let drawn = cockpit.draw(&state, now);
         if let Some((writer, every)) = &mut frames
-            && figures.frames.is_multiple_of(*every)
+            && is_due(*every, figures.frames, now, &mut next_written)
         {
             let row = FrameRow {
                 number: figures.frames,
@@ -211,6 +221,20 @@ pub fn fly(
         tracing::info!("{written} frames written, {left_out} left out");
     }
     Ok(figures)
+}
+
+/// Whether this frame is one to be written.
+fn is_due(every: Every, number: u64, now: Monotonic, next: &mut Monotonic) -> bool {
+    match every {
+        Every::Nth(n) => number.is_multiple_of(n),
+        Every::Time(period) => {
+            let due = now >= *next;
+            if due {
+                *next = next.plus(period).max(now);
+            }
+            due
+        }
+    }
 }
 
 /// Waits for the next frame's time; true when that has passed already, and the schedule starts anew from now.

@@ -66,7 +66,8 @@ impl std::fmt::Debug for Job {
 }
 
 impl FrameWriter {
-    /// Starts writing into `folder`, which is made if it is not there. All buffers are allocated here.
+    /// Starts writing into `folder`, which is made if it is not there. Frames of an earlier run are removed, so that the
+    /// folder holds one run. All buffers are allocated here.
     ///
     /// # Errors
     /// When the folder or `frames.csv` in it cannot be made.
@@ -81,6 +82,9 @@ impl FrameWriter {
             .caused_by(e)
         };
         std::fs::create_dir_all(folder).map_err(refused)?;
+        for old in pictures(folder)? {
+            std::fs::remove_file(old).map_err(refused)?;
+        }
         let csv = File::create(folder.join("frames.csv")).map_err(refused)?;
         let (filled, jobs) = rtrb::RingBuffer::new(BUFFERS);
         let (mut give_back, empty) = rtrb::RingBuffer::new(BUFFERS);
@@ -145,6 +149,25 @@ impl FrameWriter {
             ))
         })
     }
+}
+
+/// The frames that a run has written into a folder, in order.
+///
+/// # Errors
+/// When the folder cannot be read.
+pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let entries = std::fs::read_dir(folder).map_err(|e| {
+        Failure::new(Kind::Input, folder.display(), "cannot be read", "give a folder").caused_by(e)
+    })?;
+    let is_frame = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let number = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".png"));
+        number.is_some_and(|n| n.len() >= 6 && n.bytes().all(|b| b.is_ascii_digit()))
+    };
+    let mut frames: Vec<PathBuf> =
+        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_frame).collect();
+    frames.sort();
+    Ok(frames)
 }
 
 struct Writer {

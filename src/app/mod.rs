@@ -4,16 +4,19 @@ pub mod board;
 pub mod check;
 pub mod cli;
 pub mod cockpit;
+pub mod contact;
 pub mod decode;
 pub mod error;
 pub mod figures;
+pub mod flight;
 pub mod fly;
 pub mod frames;
 pub mod health;
 pub mod intake;
+pub mod list;
 pub mod picture;
 pub mod run;
-
+pub mod shot;
 pub mod sources;
 pub mod terrain;
 

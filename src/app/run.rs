@@ -3,7 +3,7 @@
 use crate::app::board::{Board, Endpoint};
 use crate::app::cockpit::{self, Cockpit};
 use crate::app::error::{Failure, Kind};
-use crate::app::fly::{self, Plan};
+use crate::app::fly::{self, Every, Plan};
 use crate::app::frames::FrameWriter;
 use crate::app::health::{Health, Pulse};
 use crate::app::intake::Intake;
@@ -193,7 +193,7 @@ fn frame_writer(
     args: &RunArgs,
     screen: &dyn Screen,
     started: Monotonic,
-) -> Result<Option<(FrameWriter, u64)>, Failure> {
+) -> Result<Option<(FrameWriter, Every)>, Failure> {
     let Some(folder) = &args.frames_dir else {
         return Ok(None);
     };
@@ -206,7 +206,7 @@ fn frame_writer(
         },
         started,
     )?;
-    Ok(Some((writer, args.every)))
+    Ok(Some((writer, Every::Nth(args.every))))
 }
 
 /// The figures of a run with those of its sources.

@@ -8,7 +8,6 @@ use crate::gl::target::Target;
 use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
-use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
 use crate::terrain::scene::{FrameFigures, Settings};
 use crate::time::Monotonic;
@@ -266,7 +265,7 @@ impl Studio {
             frames += 1;
             uploads_texels += figures.uploads_texels;
             uploads_bytes += figures.uploads_bytes;
-            let after = Monotonic::read().since(begun);
+            let after = Monotonic::read().since(begun).unwrap_or_default();
             if figures.settled {
                 return Ok(Settled {
                     figures,
@@ -304,7 +303,7 @@ impl Studio {
         let begun = Monotonic::read();
         let background = self.draw(camera, args.terrain_only);
         self.gpu.finish();
-        let frame = Monotonic::read().since(begun);
+        let frame = Monotonic::read().since(begun).unwrap_or_default();
         let mut pixels = vec![0; self.size.0 as usize * self.size.1 as usize * 4];
         self.target.read_rgba(&mut pixels);
         write_png(&args.out, self.size, &pixels)?;

@@ -287,7 +287,9 @@ impl TerrainRenderer {
         &self.scene
     }
 
-    fn draw_calls(&self) -> usize {
+    /// Draw calls of the planned frame: one for each level with a block in the picture.
+    #[must_use]
+    pub fn draw_calls(&self) -> usize {
         let levels = &self.scene.plan().levels;
         levels.iter().filter(|level| level.blocks.1 > 0).count()
     }

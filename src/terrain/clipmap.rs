@@ -36,6 +36,9 @@ const LATITUDE_MAX_DEG: f64 = 89.0;
 pub struct Shape(u8);
 
 impl Shape {
+    /// The largest: 255 vertices a side.
+    pub const LARGEST: Self = Self(255);
+
     /// A level of `vertices` a side. `None` unless it is 127, 191 or 255.
     #[must_use]
     pub const fn new(vertices: u32) -> Option<Self> {

@@ -1,4 +1,9 @@
-//! Terrain: the pack and how it is made.
+//! Terrain, from elevation files to the numbers a frame is drawn from.
+//!
+//! On the bench: [`input`] reads elevation files, [`bake`] makes them one grid of posts ([`grid`]) in levels and tiles, and
+//! [`store`] writes the pack. In flight: [`pack`] reads tiles on the streaming thread ([`worker`]), [`surface`] makes texels
+//! of them, [`stream`] keeps what is resident following the eye ([`clipmap`]), and [`scene`] plans a frame: which levels,
+//! cut into which blocks ([`blocks`], [`cull`]), placed by which tables ([`tables`]). [`crate::gl::terrain`] draws it.
 
 pub mod archive;
 pub mod bake;

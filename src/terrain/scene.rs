@@ -40,6 +40,16 @@ pub struct Settings {
     pub cell_pixels_min: f64,
 }
 
+impl Default for Settings {
+    /// The largest shape, cells down to one pixel.
+    fn default() -> Self {
+        Self {
+            shape: Shape::LARGEST,
+            cell_pixels_min: 1.0,
+        }
+    }
+}
+
 /// A camera that no picture can be drawn from: not finite, no latitude, no size, or a field of view out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the camera is no camera: a position, attitude or size is not a usable number")]
