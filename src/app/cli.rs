@@ -1,7 +1,7 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, list, run, shot, terrain};
+use crate::app::{check, decode, demo, list, run, shot, terrain};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -30,7 +30,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Run(run::RunArgs),
-    //DEMO
+    Demo(demo::DemoArgs),
     /// Bakes elevation data into a pack, and looks into packs
     #[command(subcommand)]
     Terrain(terrain::TerrainCommand),
@@ -58,7 +58,7 @@ pub fn main() -> ExitCode {
         .unwrap_or_else(|| Command::Run(run::RunArgs::default()));
     let outcome = match command {
         Command::Run(args) => run::run(args),
-        //DEMO
+        Command::Demo(args) => demo::run(args),
         Command::Terrain(command) => terrain::run(command).map_err(|f| vec![f]),
         Command::Shot(args) => shot::run(args).map_err(|f| vec![f]),
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),

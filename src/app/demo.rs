@@ -25,6 +25,7 @@ use crate::terrain::synth;
 use crate::time::Monotonic;
 use crate::units::{Hectopascals, Knots, Metres};
 use serde_json::json;
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -41,6 +42,14 @@ const SENSORS_PERIOD: Duration = Duration::from_millis(2);
 const SHEET: (u32, u32) = (3, 4);
 /// Height of the flight above the valley floor.
 const ABOVE_FLOOR_M: f64 = 450.0;
+/// How far to each side of the valley's middle the flight weaves. Within 1.2 km the ground is level.
+const WEAVE_M: f64 = 350.0;
+/// Length of a weave.
+const WEAVE_LENGTH_M: f64 = 3600.0;
+/// How far before the airfield the flight begins.
+const RUN_IN_M: f64 = 9000.0;
+/// Length of a degree of latitude, near enough for a line that only has to look good.
+const METRES_PER_DEGREE: f64 = 111_200.0;
 /// The altimeter setting of the day.
 const QNH: Hectopascals = Hectopascals(1018.0);
 /// A still that has not all its terrain by now never will.
@@ -48,8 +57,10 @@ const SETTLE_MAX: Duration = Duration::from_secs(120);
 
 /// Flies a synthetic alpine valley, on the screen if one is free, else into picture files
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Writes into DIR: demo.pack (the terrain) and summary.json; without a screen also frames with frames.csv and \
-    contact-sheet.png.\n\nExample:\n  glasswing demo --out /tmp/flight --seconds 20")]
+#[command(
+    after_help = "Writes into DIR: demo.pack (the terrain) and summary.json; without a screen also frames with frames.csv and \
+    contact-sheet.png.\n\nExample:\n  glasswing demo --out /tmp/flight --seconds 20"
+)]
 pub struct DemoArgs {
     /// Where to write
     #[arg(long, value_name = "DIR", default_value = "glasswing-demo")]
@@ -133,16 +144,31 @@ fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failur
         pulse: Arc::new(Pulse::default()),
         started,
     };
-    let Bus { source, place, sensors } = bus;
+    let Bus {
+        source,
+        place,
+        sensors,
+    } = bus;
     let SourceHandle { signals, thread } = source;
     let mut intake = Intake::new([signals], Fusion::new(&[SourceId(0)]));
     let headless = screen.is_headless();
-    let figures =
-        fly::fly(screen.as_mut(), &mut cockpit, plan, |_| (), |now| intake.step(now))?;
+    let figures = fly::fly(
+        screen.as_mut(),
+        &mut cockpit,
+        plan,
+        |_| (),
+        |now| intake.step(now),
+    )?;
     drop(sensors);
     let mut summary = with_sources(figures.to_json(), &[thread]);
     let (width_px, height_px) = screen.size_px();
-    summary["size_px"] = json!(Size { width_px, height_px }.to_string());
+    summary["size_px"] = json!(
+        Size {
+            width_px,
+            height_px
+        }
+        .to_string()
+    );
     summary["screen"] = json!(screen.describe());
     summary["renderer"] = json!(cockpit.describe());
     summary["bus"] = json!(place);
@@ -161,24 +187,77 @@ fn terrain(folder: &Path) -> Result<Pack, Failure> {
         Failure::new(Kind::Input, folder.display(), "cannot be made", todo).caused_by(e)
     })?;
     let file = folder.join("demo.pack");
-    crate::app::terrain::synthesise(&file, synth::SEED)?;
+    let jobs = std::thread::available_parallelism().map_or(1, usize::from);
+    synth::bake(synth::SEED, &file, jobs, &mut |_, _| ()).map_err(|e| {
+        Failure::new(
+            Kind::Other,
+            file.display(),
+            "cannot be written",
+            "make room on the disk",
+        )
+        .caused_by(e)
+    })?;
     cockpit::open_pack(&file)
 }
 
-/// The flight down the valley.
+/// The flight: along the valley towards the airfield, in turns from one side to the other.
 fn flight(pack: &Pack) -> Result<Flight, Failure> {
     let valley = synth::valley(synth::SEED);
+    let line = weave(&valley);
     let undulation = |p: &Geodetic| pack.geoid().undulation_m(p.latitude, p.longitude);
-    let mut line = valley.line(ABOVE_FLOOR_M);
-    for point in &mut line {
-        // The line is orthometric; a point outside the geoid would be outside the valley.
-        point.height_ellipsoid.0 += undulation(point).unwrap_or(0.0);
-    }
-    let middle = line.get(line.len() / 2).and_then(undulation).unwrap_or(0.0);
-    let day = Day { qnh: QNH, undulation: Metres(middle) };
+    // The valley lies within its own pack's geoid.
+    let undulation = line.first().and_then(undulation).unwrap_or(0.0);
+    let line: Vec<Geodetic> = line
+        .iter()
+        .map(|p| Geodetic {
+            height_ellipsoid: p.height_ellipsoid + Metres(undulation),
+            ..*p
+        })
+        .collect();
+    let day = Day {
+        qnh: QNH,
+        undulation: Metres(undulation),
+    };
     Flight::along(&line, day).map_err(|e| {
-        Failure::new(Kind::Other, "the demo's flight", "cannot be flown", "report this").caused_by(e)
+        Failure::new(
+            Kind::Other,
+            "the demo's flight",
+            "cannot be flown",
+            "report this",
+        )
+        .caused_by(e)
     })
+}
+
+/// A line along the valley, [`WEAVE_M`] to each side of its middle every [`WEAVE_LENGTH_M`], from [`RUN_IN_M`] before the
+/// airfield to the valley's end. Heights are above the geoid.
+fn weave(valley: &synth::Valley) -> Vec<Geodetic> {
+    let points = &valley.centreline;
+    let field = &valley.airfield;
+    let from_field = |p: &synth::CentrePoint| {
+        (p.latitude_deg - field.latitude_deg).hypot(p.longitude_deg - field.longitude_deg)
+    };
+    let nearest = points
+        .iter()
+        .min_by(|a, b| from_field(a).total_cmp(&from_field(b)));
+    let start_m = nearest.map_or(0.0, |p| p.along_m) - RUN_IN_M;
+    let pairs = points.iter().zip(points.iter().skip(1));
+    pairs
+        .filter(|(p, _)| p.along_m >= start_m)
+        .map(|(p, next)| {
+            let north = next.latitude_deg - p.latitude_deg;
+            let narrow = p.latitude_deg.to_radians().cos();
+            let east = (next.longitude_deg - p.longitude_deg) * narrow;
+            let aside_deg = WEAVE_M * ((p.along_m - start_m) / WEAVE_LENGTH_M * TAU).sin()
+                / METRES_PER_DEGREE
+                / north.hypot(east);
+            Geodetic::from_degrees(
+                p.latitude_deg - east * aside_deg,
+                p.longitude_deg + north * aside_deg / narrow,
+                p.floor_m + ABOVE_FLOOR_M,
+            )
+        })
+        .collect()
 }
 
 fn frame_writer(
@@ -214,7 +293,11 @@ impl Bus {
                 let _ = sender.send(&can);
             };
             let sensors = SensorsThread::start(Arc::clone(flight), send)?;
-            return Ok(Self { source, place: VCAN, sensors });
+            return Ok(Self {
+                source,
+                place: VCAN,
+                sensors,
+            });
         }
         let (mut sender, receiver) = loopback::bus(LOOPBACK_FRAMES);
         let source = sources::listen(name, id, protocol, Endpoint::Loopback(receiver))?;
@@ -222,7 +305,11 @@ impl Bus {
             let _ = sender.send(Monotonic::read(), can);
         };
         let sensors = SensorsThread::start(Arc::clone(flight), send)?;
-        Ok(Self { source, place: "in-process", sensors })
+        Ok(Self {
+            source,
+            place: "in-process",
+            sensors,
+        })
     }
 }
 
@@ -251,10 +338,18 @@ impl SensorsThread {
                 }
             })
             .map_err(|e| {
-                Failure::new(Kind::Other, "threads", "the system refuses one more", "stop other programs")
-                    .caused_by(e)
+                Failure::new(
+                    Kind::Other,
+                    "threads",
+                    "the system refuses one more",
+                    "stop other programs",
+                )
+                .caused_by(e)
             })?;
-        Ok(Self { stop, thread: Some(thread) })
+        Ok(Self {
+            stop,
+            thread: Some(thread),
+        })
     }
 }
 
@@ -273,7 +368,11 @@ fn state_at(flight: &Flight, t: Duration) -> (FlightState, Monotonic) {
     let mut decoder = Protocol::CanAerospace.decoder();
     let mut fusion = Fusion::new(&[SourceId(0)]);
     Sensors::new().send_until(flight, t, &mut |after, can| {
-        let frame = Frame { at: start.plus(after), source: SourceId(0), wire: Wire::Can(can) };
+        let frame = Frame {
+            at: start.plus(after),
+            source: SourceId(0),
+            wire: Wire::Can(can),
+        };
         decoder.push(frame, &mut |signal| fusion.apply(&signal));
     });
     let now = start.plus(t);
@@ -294,7 +393,12 @@ fn still(
     while !cockpit.draw(&state, now).terrain_settled {
         if Monotonic::read() > deadline {
             let why = format!("is not all there after {SETTLE_MAX:?}");
-            return Err(Failure::new(Kind::Other, "the demo's terrain", why, "report this"));
+            return Err(Failure::new(
+                Kind::Other,
+                "the demo's terrain",
+                why,
+                "report this",
+            ));
         }
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -311,5 +415,8 @@ fn still(
             screen.present().map_err(|e| fly::screen_failed(&e))?;
         }
     }
-    write_json(&args.out.join("summary.json"), &json!({ "still_s": t.as_secs_f64() }))
+    write_json(
+        &args.out.join("summary.json"),
+        &json!({ "still_s": t.as_secs_f64() }),
+    )
 }

@@ -6,6 +6,7 @@ pub mod cli;
 pub mod cockpit;
 pub mod contact;
 pub mod decode;
+pub mod demo;
 pub mod error;
 pub mod figures;
 pub mod flight;

@@ -26,5 +26,8 @@ pub mod scene;
 pub mod store;
 pub mod stream;
 pub mod surface;
+pub mod synth;
+pub mod synth_noise;
+mod synth_valley;
 pub mod tables;
 pub mod worker;
