@@ -267,7 +267,7 @@ mod tests {
         );
         let right_edge = camera.ray_ecef(1024.0, 300.0);
         assert!(
-            (right_edge.dot(DVec3::Y) - 30f64.to_radians().cos()).abs() < 1e-12,
+            (right_edge.dot(DVec3::Y) - 30_f64.to_radians().cos()).abs() < 1e-12,
             "half the field of view"
         );
         assert!(right_edge.z < 0.0, "right of east is south");

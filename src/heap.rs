@@ -68,14 +68,14 @@ mod tests {
     #[test]
     fn an_allocation_is_counted_on_its_own_thread_only() {
         let before = allocations_of_this_thread();
-        let boxed = std::hint::black_box(Box::new([0u8; 64]));
+        let boxed = std::hint::black_box(Box::new([0_u8; 64]));
         assert!(allocations_of_this_thread() > before, "the box was counted");
         drop(boxed);
         let here = allocations_of_this_thread();
         std::thread::scope(|scope| {
             let other = scope.spawn(|| {
                 let before = allocations_of_this_thread();
-                let v = std::hint::black_box(vec![1u8; 4096]);
+                let v = std::hint::black_box(vec![1_u8; 4096]);
                 assert!(
                     allocations_of_this_thread() > before,
                     "{} bytes counted there",

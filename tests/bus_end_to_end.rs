@@ -7,10 +7,10 @@
 
 mod support;
 
-use glasswing::app::intake::{FusionThread, Intake};
+use glasswing::app::intake::Intake;
 use glasswing::app::sources::{listen, listen_can, listen_udp};
 use glasswing::bus::{BusError, Endpoint, SourceThread, can, loopback};
-use glasswing::limits::{DATAGRAM_BYTES_MAX, FUSION_PERIOD};
+use glasswing::limits::{DATAGRAM_BYTES_MAX, SIGNALS_QUEUED_MAX};
 use glasswing::proto::Protocol;
 use glasswing::proto::canaerospace::encode;
 use glasswing::sampled::Invalid;
@@ -18,6 +18,7 @@ use glasswing::signal::{Parameter, SourceId};
 use glasswing::state::Fusion;
 use glasswing::time::Monotonic;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::process::Command;
 use std::time::Duration;
 
 const ID: SourceId = SourceId(0);
@@ -53,29 +54,26 @@ fn wait_for_frames(thread: &SourceThread, frames: u64) {
 }
 
 #[test]
-fn a_datagram_becomes_a_published_state() {
+fn a_datagram_becomes_a_state_and_silence_makes_it_stale() {
     let address = free_address();
     let source = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect("opens");
-    let intake = Intake::new([source.signals], Fusion::new(&[ID]));
-    let (mut states, fusion) = FusionThread::start(intake, FUSION_PERIOD).expect("starts");
+    let mut intake = Intake::new([source.signals], Fusion::new(&[ID]));
     let now = Monotonic::read();
-    assert_eq!(
-        states.read().read(Parameter::Pitch, now),
-        Err(Invalid::NeverReceived)
-    );
+    let before = intake.step(now).read(Parameter::Pitch, now);
+    assert_eq!(before, Err(Invalid::NeverReceived));
     let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
     sender.send_to(&packet(0.125), address).expect("sent");
-    wait_until("the pitch is published", || {
-        states.read().read(Parameter::Pitch, Monotonic::read()) == Ok(0.125)
-    });
-    assert_eq!(states.read().source(Parameter::Pitch), Some(ID));
-    let silence = Monotonic::read().plus(Duration::from_millis(301));
+    wait_for_frames(&source.thread, 1);
+    let now = Monotonic::read();
+    let state = intake.step(now);
+    assert_eq!(state.read(Parameter::Pitch, now), Ok(0.125));
+    assert_eq!(state.source(Parameter::Pitch), Some(ID));
+    let silence = now.plus(Duration::from_millis(301));
     assert_eq!(
-        states.read().read(Parameter::Pitch, silence),
+        intake.step(silence).read(Parameter::Pitch, silence),
         Err(Invalid::Stale),
         "no frames, no attitude"
     );
-    drop(fusion);
 }
 
 #[test]
@@ -110,16 +108,16 @@ fn a_full_ring_drops_the_newest_and_counts_them() {
     let address = free_address();
     let source = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect("opens");
     let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
-    // 17 signals a packet here; 300 packets are more than the ring holds.
-    for sent in 1..=300 {
+    // 17 signals a packet here; 1000 packets are more than the ring holds.
+    for sent in 1..=1000 {
         sender.send_to(&packet(0.125), address).expect("sent");
         wait_for_frames(&source.thread, sent);
     }
     let dropped = source.thread.figures().snapshot().dropped;
     let held = u64::try_from(source.signals.slots()).expect("small");
-    assert_eq!(held, 4096, "the ring is full");
+    assert_eq!(held, SIGNALS_QUEUED_MAX as u64, "the ring is full");
     assert!(
-        dropped > 0 && (held + dropped) % 300 == 0,
+        dropped > 0 && (held + dropped).is_multiple_of(1000),
         "{held} {dropped}"
     );
 }
@@ -215,14 +213,40 @@ fn a_full_bus_within_refuses_the_frame() {
     assert_eq!(bus.send(at, frame), Err(loopback::Full));
 }
 
+/// A virtual CAN interface of the test's own, removed when dropped.
+struct Vcan(&'static str);
+
+impl Vcan {
+    /// Made and up; `None`, said aloud, where this machine or this user cannot.
+    fn make(name: &'static str) -> Option<Self> {
+        let made = ip(&["link", "add", name, "type", "vcan"]) && ip(&["link", "set", name, "up"]);
+        if !made {
+            support::skip("no virtual CAN here (it takes root and the kernel's vcan)");
+        }
+        made.then_some(Self(name))
+    }
+}
+
+impl Drop for Vcan {
+    fn drop(&mut self) {
+        ip(&["link", "delete", self.0]);
+    }
+}
+
+fn ip(words: &[&str]) -> bool {
+    Command::new("ip")
+        .args(words)
+        .output()
+        .is_ok_and(|output| output.status.success())
+}
+
 #[test]
 fn frames_through_vcan_become_state() {
-    let interface = "vcan0";
-    let Ok(sender) = can::Sender::open(interface) else {
-        support::skip("no vcan0 (ip link add vcan0 type vcan && ip link set vcan0 up)");
+    let Some(vcan) = Vcan::make("vcangw1") else {
         return;
     };
-    let source = listen_can("adahrs", ID, Protocol::CanAerospace, interface).expect("opens");
+    let source = listen_can("adahrs", ID, Protocol::CanAerospace, vcan.0).expect("opens");
+    let sender = can::Sender::open(vcan.0).expect("opens");
     let mut foreign = encode(Parameter::Roll, 0.5, 1, 0).expect("encodes");
     (foreign.id, foreign.extended) = (0x09F8_0102, true);
     sender.send(&foreign).expect("sent");
@@ -249,4 +273,37 @@ fn frames_through_vcan_become_state() {
         (6, 0),
         "the kernel keeps foreign frames away"
     );
+}
+
+#[test]
+fn an_interface_that_goes_down_or_away_is_used_again_when_it_is_back() {
+    let Some(vcan) = Vcan::make("vcangw2") else {
+        return;
+    };
+    let source = listen_can("adahrs", ID, Protocol::CanAerospace, vcan.0).expect("opens");
+    let figures = || source.thread.figures().snapshot();
+    let frame = encode(Parameter::Roll, 0.25, 1, 0).expect("encodes");
+    let send = || {
+        let sender = can::Sender::open(vcan.0).expect("opens");
+        sender.send(&frame).expect("sent");
+    };
+    send();
+    wait_for_frames(&source.thread, 1);
+
+    assert!(ip(&["link", "set", vcan.0, "down"]), "down");
+    wait_until("the fault is noticed", || figures().faults > 0);
+    assert!(ip(&["link", "set", vcan.0, "up"]), "up");
+    send();
+    wait_for_frames(&source.thread, 2);
+
+    let reopened = figures().reopened;
+    assert!(ip(&["link", "delete", vcan.0]), "away");
+    wait_until("the fault is noticed", || figures().faults > 1);
+    assert!(ip(&["link", "add", vcan.0, "type", "vcan"]), "back");
+    assert!(ip(&["link", "set", vcan.0, "up"]), "up");
+    wait_until("it is opened again", || figures().reopened > reopened);
+    // Opened before it was up, the new socket has one more fault to tell; then it listens.
+    send();
+    wait_for_frames(&source.thread, 3);
+    assert_eq!(figures().good, 3);
 }

@@ -177,7 +177,7 @@ fn compare(
         let shown =
             |column| number(row, column).unwrap_or_else(|| panic!("{column} not shown: {row:?}"));
         let turn = |a: f64, b: f64| {
-            ((a - b + 540f64.to_radians()).rem_euclid(TAU) - PI)
+            ((a - b + 540_f64.to_radians()).rem_euclid(TAU) - PI)
                 .to_degrees()
                 .abs()
         };
@@ -208,7 +208,7 @@ fn compare(
         compared += 1;
         if compared % 10 == 0 {
             let picture = horizon::Picture::read(&frames.join(file));
-            let found = horizon::find(&picture, 60f64.to_radians())
+            let found = horizon::find(&picture, 60_f64.to_radians())
                 .unwrap_or_else(|| panic!("{file}: no horizon"));
             assert!(
                 (found.roll_deg - want("phi").to_degrees()).abs() < 0.5,

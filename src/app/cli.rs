@@ -95,12 +95,12 @@ fn wrong_usage(e: &clap::Error) -> Failure {
         .unwrap_or("not understood")
         .trim_start_matches("error: ")
         .to_owned();
-    // "the following arguments were not provided:" names them on the lines below.
-    let named: Vec<&str> = if first.ends_with(':') {
-        lines.take_while(|l| !l.starts_with("Usage")).collect()
-    } else {
-        Vec::new()
-    };
+    // "the following arguments were not provided:" names them on the lines below; so does a value that is none of several.
+    let list = first.ends_with(':');
+    let named: Vec<&str> = lines
+        .take_while(|l| !l.starts_with("Usage"))
+        .filter(|l| list || l.starts_with("[possible values"))
+        .collect();
     let why = [first.as_str(), &named.join(" ")].join(" ");
     let asked: Vec<String> = std::env::args()
         .skip(1)

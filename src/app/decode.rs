@@ -1,9 +1,5 @@
 //! `glasswing decode`: what a capture holds, and what is wrong with it.
-#![expect(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "the command's output, and its notes on a damaged file"
-)]
+#![expect(clippy::print_stderr, reason = "the command's note on a damaged file")]
 
 use super::error::{Failure, Kind};
 use crate::proto::capture::{CandumpLine, CaptureError, UdpCapture};
@@ -12,13 +8,15 @@ use crate::signal::{Frame, Signal, SourceId, Wire};
 use crate::time::Monotonic;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::{Map, Value, json};
+use std::fmt::Display;
+use std::io::{self, BufWriter, StdoutLock, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Decode a capture of bus traffic and say what is good, bad and ignored in it.
 ///
-/// FILE is a UDP capture container ([f64 little-endian seconds][u32 little-endian length][payload]...) for fgfdm, and a
-/// candump log (as `candump -l` writes it) for canaerospace.
+/// FILE is a UDP capture container for fgfdm (records of seconds as f64 and length as u32, both little-endian, then the
+/// payload), and a candump log (as `candump -l` writes it) for canaerospace.
 ///
 /// Every frame is counted once: as good, as bad under one kind, or as ignored (somebody else's traffic). A container that
 /// ends inside a record is decoded up to there and counted as `truncated`; a line that is no candump line as `malformed`.
@@ -61,12 +59,13 @@ pub fn run(args: DecodeArgs) -> Result<(), Failure> {
             "name a capture that can be read",
         )
     })?;
+    let mut out = Output::new();
     let mut samples = Vec::new();
     let mut on_sample = |sample: Value| {
         if args.json {
             samples.push(sample);
         } else {
-            println!("{sample}");
+            out.line(&sample);
         }
     };
     let outcome = decode(
@@ -86,11 +85,44 @@ pub fn run(args: DecodeArgs) -> Result<(), Failure> {
         if args.samples {
             document.insert("samples".to_owned(), Value::Array(samples));
         }
-        println!("{}", Value::Object(document));
+        out.line(&Value::Object(document));
     } else if !args.samples {
-        print!("{}", outcome.to_text());
+        out.line(&outcome.to_text());
     }
-    Ok(())
+    out.finish()
+}
+
+/// Standard output, whose reader may go away: what was asked for is then done, and nobody hears a complaint.
+struct Output {
+    stdout: BufWriter<StdoutLock<'static>>,
+    written: io::Result<()>,
+}
+
+impl Output {
+    fn new() -> Self {
+        Self {
+            stdout: BufWriter::new(io::stdout().lock()),
+            written: Ok(()),
+        }
+    }
+
+    fn line(&mut self, line: &dyn Display) {
+        if self.written.is_ok() {
+            self.written = writeln!(self.stdout, "{line}");
+        }
+    }
+
+    fn finish(mut self) -> Result<(), Failure> {
+        match self.written.and_then(|()| self.stdout.flush()) {
+            Err(e) if e.kind() != io::ErrorKind::BrokenPipe => Err(Failure::new(
+                Kind::Other,
+                "standard output",
+                &e,
+                "see where it goes",
+            )),
+            _ => Ok(()),
+        }
+    }
 }
 
 type OnSample<'a> = &'a mut dyn FnMut(Value);
@@ -151,7 +183,7 @@ impl Outcome {
         }
         text += &format!("ignored  {ignored}\n");
         text + &format!(
-            "flow     {} lost, {} repeated, {} frozen, {} failed\n",
+            "flow     {} lost, {} repeated, {} frozen, {} failed",
             flow.lost, flow.repeated, flow.frozen, flow.failed
         )
     }

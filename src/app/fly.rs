@@ -18,9 +18,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// Frames after which the program counts as running: GL drivers compile what they draw with in the first ones, and every
-/// buffer has been through its rotation.
-const FRAMES_UNTIL_READY: u64 = 30;
+/// Frames after which the program counts as running: by then every buffer has been through its rotation.
+const FRAMES_UNTIL_READY: u64 = 10;
 
 /// Groups of parameters whose age at presentation is told, each by the parameter that stands for it.
 const AGE_GROUPS: [(&str, Parameter); 4] = [
@@ -73,7 +72,7 @@ pub struct RunFigures {
     first_frame: Option<Duration>,
     first_terrain: Option<Duration>,
     allocations_at_ready: Option<u64>,
-    allocations_after_ready: u64,
+    allocations_after_ready: Option<u64>,
     last: Drawn,
 }
 
@@ -94,7 +93,7 @@ impl RunFigures {
             first_frame: None,
             first_terrain: None,
             allocations_at_ready: None,
-            allocations_after_ready: 0,
+            allocations_after_ready: None,
             last: Drawn::default(),
         }
     }
@@ -213,7 +212,7 @@ pub fn fly(
         }
     }
     if let Some(at_ready) = figures.allocations_at_ready {
-        figures.allocations_after_ready = heap::allocations_of_this_thread() - at_ready;
+        figures.allocations_after_ready = Some(heap::allocations_of_this_thread() - at_ready);
     }
     if let Some((writer, _)) = frames {
         let left_out = writer.left_out;

@@ -161,7 +161,7 @@ impl ContactSheet {
     }
 
     fn mean(&self, rgba: &[u8], width_px: u32, x0: u32, y0: u32) -> [u8; 3] {
-        let mut sums = [0u32; 3];
+        let mut sums = [0_u32; 3];
         for y in y0..y0 + self.factor {
             for x in x0..x0 + self.factor {
                 let at = (y as usize * width_px as usize + x as usize) * 4;
@@ -218,7 +218,7 @@ mod tests {
             height_px: 2,
         };
         let mut sheet = ContactSheet::new(size, 2, 1, 1);
-        let mut rgba = vec![0u8; size.rgba_bytes()];
+        let mut rgba = vec![0_u8; size.rgba_bytes()];
         // The left box: 0, 100, 200, 100 in red: mean 100.
         for (at, red) in [(0, 0), (1, 100), (4, 200), (5, 100)] {
             rgba[at * 4] = red;

@@ -71,6 +71,6 @@ fn decode(protocol: Protocol) -> Decode {
 
 impl From<BusError> for Failure {
     fn from(e: BusError) -> Self {
-        Self::new(Kind::Device, e.what(), e.why(), e.todo()).caused_by(e)
+        Self::new(Kind::Device, e.what(), e.why(), e.todo()).caused_by(e.into_source())
     }
 }

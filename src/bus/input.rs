@@ -1,8 +1,8 @@
 //! Knobs and keys of `/dev/input` as actions of the pilot.
 //!
 //! One thread listens to every device that has a knob or key of the table below; devices that come and go are noticed
-//! within [`LOOK_EVERY`]. Nobody waits for it: actions go through a ring, and when that is full the newest are dropped and
-//! counted.
+//! within a quarter of a second. Nobody waits for it: actions go through a ring, and when that is full the newest are
+//! dropped and counted.
 //!
 //! | device | action |
 //! |---|---|

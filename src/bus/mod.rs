@@ -136,7 +136,19 @@ impl BusError {
             }
             Self::InterfaceMissing { .. } => "there is no such interface".to_owned(),
             Self::NotPermitted { .. } => "this program may not use it".to_owned(),
-            Self::Refused { source, .. } => format!("the system refused it: {source}"),
+            Self::Refused { .. } => "the system refused it".to_owned(),
+        }
+    }
+
+    /// What the system said.
+    #[must_use]
+    pub fn into_source(self) -> io::Error {
+        match self {
+            Self::PortInUse { source, .. }
+            | Self::AddressNotLocal { source, .. }
+            | Self::InterfaceMissing { source, .. }
+            | Self::NotPermitted { source, .. }
+            | Self::Refused { source, .. } => source,
         }
     }
 

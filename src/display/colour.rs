@@ -46,6 +46,8 @@ pub const TRACK: Colour = Colour::rgb(255, 70, 255);
 pub const WINDOW: Colour = Colour::rgb(8, 10, 12);
 /// The dark rim around symbols: with it, white over white snow keeps a contrast of more than 3:1.
 pub const HALO: Colour = Colour([0, 0, 0, 190]);
+/// The dark rim around opaque windows, whose bright borders would vanish over snow.
+pub const RIM: Colour = Colour::rgb(0, 0, 0);
 /// The ground of tapes and boxes, through which the outside is seen.
 pub const PANEL: Colour = Colour([14, 18, 24, 155]);
 /// The ground of small fields with coloured figures: darker, so that all of them stand out.

@@ -96,7 +96,7 @@ pub struct Config {
     pub baro_unit: BaroUnit,
     /// The limiting speeds.
     pub v_speeds: VSpeeds,
-    /// Horizontal field of view of the whole picture; terrain, horizon and pitch ladder share it.
+    /// Horizontal field of view of the whole picture, 1 to 170 degrees; terrain, horizon and pitch ladder share it.
     pub hfov: Radians,
 }
 

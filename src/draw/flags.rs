@@ -57,8 +57,8 @@ pub(super) fn cover(pen: &mut Pen<'_>, rect: Rect, name: &str, reason: Invalid) 
 pub(super) fn cover_line(pen: &mut Pen<'_>, rect: Rect, name: &str, reason: Invalid) {
     let Look { word, colour } = look(reason);
     marks(pen, rect, reason, 1.0);
-    let name_style = regular(9.5, colour::LABEL);
-    let word_style = bold(10.5, colour);
+    let name_style = regular(10.5, colour::LABEL);
+    let word_style = bold(11.5, colour);
     let width = pen.width(word, word_style) + pen.px(8.0);
     let name_width = if name.is_empty() {
         0.0

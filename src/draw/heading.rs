@@ -57,7 +57,7 @@ fn draw_mark(pen: &mut Pen<'_>, tape: Rect, x: f32, degrees: i64) {
     if degrees % 30 == 0 {
         let label = format::compass_label(degrees);
         let at = Vec2::new(x, tape.min.y + pen.px(26.0));
-        let style = bold(13.0, colour::SCALE);
+        let style = bold(14.0, colour::SCALE);
         let room = (x - tape.min.x).min(tape.max.x - x) - pen.width(&label, style) * 0.5;
         pen.moving_text(&label, at, Align::Centre, pen.entering(style, room));
     }
@@ -106,7 +106,7 @@ fn draw_window(pen: &mut Pen<'_>, window: Rect, tape: Rect, heading: Heading) {
     } else {
         colour::LABEL
     };
-    let (figures, letter) = (bold(15.0, colour::SCALE), bold(10.0, ink));
+    let (figures, letter) = (bold(17.0, colour::SCALE), bold(11.0, ink));
     let digits = format::direction_digits(heading.direction);
     let (number, degree) = (pen.width(&digits, figures), pen.width("\u{b0}", figures));
     let gap = pen.px(1.0);
@@ -152,7 +152,7 @@ pub(super) fn draw_ground(pen: &mut Pen<'_>, model: &Model) {
 fn draw_field(pen: &mut Pen<'_>, rect: Rect, name: &str, value: &str, unit: &str, ink: Colour) {
     pen.field(rect);
     let y = rect.centre().y;
-    let (label, number) = (regular(9.5, colour::LABEL), bold(11.0, ink));
+    let (label, number) = (regular(10.5, colour::LABEL), bold(12.5, ink));
     pen.text(
         name,
         Vec2::new(rect.min.x + pen.px(7.0), y),

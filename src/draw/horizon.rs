@@ -86,7 +86,7 @@ fn draw_background(pen: &mut Pen<'_>, p: &Projection) {
     let reach = p.up.abs().dot(size) * 0.5;
     let kept = px(p.focal * KEPT.to_radians().tan()).min(reach * 0.5);
     let horizon = p.rise(0.0).clamp(kept - reach, reach - kept);
-    let shade = px(p.focal * 25f64.to_radians().tan());
+    let shade = px(p.focal * 25_f64.to_radians().tan());
     let whole = super::list::Rect::new(0.0, 0.0, size.x, size.y);
     pen.list.rect(whole.grown(2.0), colour::SKY_HIGH);
     let mut band = |from: f32, to: f32, near: Colour, deep: Colour, smooth: bool| {
@@ -141,7 +141,7 @@ fn draw_horizon_line(pen: &mut Pen<'_>, p: &Projection) {
 
 /// The ladder's marks lie between these distances from the centre, in design units (up positive), and fade beyond them:
 /// above is the roll scale, below the heading window.
-const LADDER_REACH: (f32, f32) = (-190.0, 158.0);
+const LADDER_REACH: (f32, f32) = (-170.0, 158.0);
 const LADDER_FADE: f32 = 12.0;
 
 fn ladder_opacity(pen: &Pen<'_>, rise: f32) -> f32 {
@@ -173,7 +173,7 @@ fn draw_ladder(pen: &mut Pen<'_>, p: &Projection, pass: Pass) {
         if k % 4 == 0 {
             let label = format::mark(i64::from(k.abs() / 4 * 10));
             let out = half + pen.px(8.0);
-            let style = bold(11.0, ink);
+            let style = bold(12.0, ink);
             pen.turned_text(
                 &label,
                 p.at(-out, rise),
@@ -267,9 +267,14 @@ pub(super) fn draw_annunciation(pen: &mut Pen<'_>, model: &Model) {
     let rect = pen.layout.annunciation;
     pen.field(rect);
     let centre = rect.centre();
-    let step = Vec2::Y * pen.px(9.0);
-    pen.text("SVS OFF", centre - step, Align::Centre, bold(9.5, ink));
-    pen.text(off.label(), centre + step, Align::Centre, regular(9.5, ink));
+    let step = Vec2::Y * pen.px(10.0);
+    pen.text("SVS OFF", centre - step, Align::Centre, bold(10.5, ink));
+    pen.text(
+        off.label(),
+        centre + step,
+        Align::Centre,
+        regular(10.5, ink),
+    );
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 //! measures.
 //!
 //! Proportions follow what pilots know from panels in light aircraft: airspeed left, altitude and vertical speed right,
-//! heading below, roll scale above. What has no value is covered whole by a flag ([`flags`]); no number is left standing.
+//! heading below, roll scale above. What has no value is covered whole by a flag; no number is left standing.
 
 pub mod atlas;
 mod flags;

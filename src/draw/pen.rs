@@ -219,6 +219,8 @@ impl<'a> Pen<'a> {
     /// The opaque ground of a readout, with a bright border.
     pub(super) fn window(&mut self, rect: Rect) {
         let width = self.layout.line(1.5).round();
+        self.list
+            .rect(rect.grown(self.layout.line(1.2).round()), colour::RIM);
         self.list.rect(rect, colour::SCALE);
         self.list.rect(rect.grown(-width), colour::WINDOW);
     }

@@ -11,12 +11,16 @@ use glam::Vec2;
 /// The ball stops this many widths from the middle, at the end of its way.
 const BALL_WIDTHS_MAX: f64 = 2.5;
 
-/// Draws the scale if there is an attitude, and the slip ball or its flag.
+/// Draws the scale if there is an attitude, and the slip ball or its flag. The pointer is the mark of either.
 pub(super) fn draw(pen: &mut Pen<'_>, model: &Model) {
     if let Ok(attitude) = model.attitude {
         let projection = Projection::new(pen, model.hfov, attitude);
         for pass in Pass::BOTH {
             draw_scale(pen, &projection, px(attitude.roll.0), pass);
+        }
+    }
+    if model.attitude.is_ok() || model.slip.is_ok() {
+        for pass in Pass::BOTH {
             draw_pointer(pen, pass);
         }
     }
@@ -38,7 +42,7 @@ fn draw_scale(pen: &mut Pen<'_>, p: &Projection, roll: f32, pass: Pass) {
     let (centre, radius) = (pen.layout.centre, pen.layout.roll_radius);
     let ink = colour::SCALE;
     let width = pen.layout.line(2.0);
-    let sixty = 60f32.to_radians();
+    let sixty = 60_f32.to_radians();
     let rim = if pass == Pass::Rim {
         2.0 * pen.layout.line(1.4)
     } else {
@@ -56,12 +60,13 @@ fn draw_scale(pen: &mut Pen<'_>, p: &Projection, roll: f32, pass: Pass) {
         let (s, c) = angle.to_radians().sin_cos();
         p.right * s + p.up * c
     };
-    for angle in [10.0_f32, 20.0, 30.0, 45.0, 60.0] {
-        let long = if angle >= 30.0 && angle < 45.0 || angle > 45.0 {
-            16.0
-        } else {
-            9.0
-        };
+    for (angle, long) in [
+        (10.0_f32, 9.0),
+        (20.0, 9.0),
+        (30.0, 16.0),
+        (45.0, 9.0),
+        (60.0, 16.0),
+    ] {
         for direction in [toward(-angle), toward(angle)] {
             let from = centre + direction * (radius - width * 0.5);
             let to = centre + direction * (radius + pen.px(long));

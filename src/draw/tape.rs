@@ -82,7 +82,7 @@ pub(super) fn draw_airspeed(pen: &mut Pen<'_>, model: &Model) {
             .line(from, Vec2::new(ticks, y), width, colour::SCALE);
         if even {
             let at = Vec2::new(ticks - pen.px(20.0), y);
-            let style = pen.entering(bold(11.5, colour::SCALE), scale.room(pen, y));
+            let style = pen.entering(bold(13.0, colour::SCALE), scale.room(pen, y));
             pen.moving_text(&format::mark(k * 5), at, Align::Right, style);
         }
     }
@@ -119,7 +119,7 @@ fn draw_airspeed_readout(pen: &mut Pen<'_>, tape: Rect, airspeed: Airspeed, vne:
         Some(vne) if airspeed.speed >= vne => colour::WARNING,
         _ => colour::SCALE,
     };
-    let style = bold(17.0, ink);
+    let style = bold(19.0, ink);
     let middle = tape.centre().y.round();
     let digit = pen.width("0", style).ceil();
     let drum_right = (tape.max.x - pen.px(24.0)).round();
@@ -129,12 +129,12 @@ fn draw_airspeed_readout(pen: &mut Pen<'_>, tape: Rect, airspeed: Airspeed, vne:
         drum_left: drum_right - digit - pen.px(4.0).round(),
         drum_right,
         tip: tape.max.x - pen.px(10.0),
-        half: pen.px(18.0).round(),
-        drum_half: pen.px(29.0).round(),
+        half: pen.px(19.0).round(),
+        drum_half: pen.px(31.0).round(),
     };
     frame.draw(pen);
     let rolling = format::rolling_airspeed(airspeed.speed);
-    draw_wheels(pen, &frame, &rolling, style, digit, 27.0);
+    draw_wheels(pen, &frame, &rolling, style, digit, 29.0);
     draw_drum(
         pen,
         &frame,
@@ -184,9 +184,9 @@ fn draw_altitude_mark(pen: &mut Pen<'_>, scale: Scale, feet: i64) {
     pen.list.line(Vec2::new(left, y), to, width, colour::SCALE);
     if feet % 100 == 0 {
         let style = if feet % 500 == 0 {
-            bold(12.5, colour::SCALE)
+            bold(14.0, colour::SCALE)
         } else {
-            regular(11.0, colour::SCALE)
+            regular(12.0, colour::SCALE)
         };
         let at = Vec2::new(left + pen.px(24.0), y);
         let style = pen.entering(style, scale.room(pen, y));
@@ -195,7 +195,7 @@ fn draw_altitude_mark(pen: &mut Pen<'_>, scale: Scale, feet: i64) {
 }
 
 fn draw_altitude_readout(pen: &mut Pen<'_>, tape: Rect, altitude: Altitude) {
-    let (large, small) = (bold(16.0, colour::SCALE), bold(13.0, colour::SCALE));
+    let (large, small) = (bold(18.0, colour::SCALE), bold(14.0, colour::SCALE));
     let middle = tape.centre().y.round();
     let digit = pen.width("0", large).ceil();
     let left = (tape.min.x + pen.px(20.0)).round();
@@ -206,18 +206,18 @@ fn draw_altitude_readout(pen: &mut Pen<'_>, tape: Rect, altitude: Altitude) {
         drum_left,
         drum_right: drum_left + (pen.width("00", small) + pen.px(6.0)).round(),
         tip: tape.min.x + pen.px(7.0),
-        half: pen.px(17.0).round(),
-        drum_half: pen.px(29.0).round(),
+        half: pen.px(18.0).round(),
+        drum_half: pen.px(31.0).round(),
     };
     frame.draw(pen);
     let rolling = format::rolling_altitude(altitude.altitude);
-    draw_wheels(pen, &frame, &rolling, large, digit, 25.0);
+    draw_wheels(pen, &frame, &rolling, large, digit, 27.0);
     draw_drum(
         pen,
         &frame,
         rolling.drum,
         small,
-        19.0,
+        20.0,
         format::altitude_drum_row,
     );
 }
@@ -259,7 +259,12 @@ impl Readout {
         let half = pen.px(8.0);
         // A little inside of the window, so that no seam shows between window and tip.
         let inside = (base - self.tip).signum() * 2.0;
-        for (grow, ink) in [(border, colour::SCALE), (0.0, colour::WINDOW)] {
+        let rim = border + pen.layout.line(1.2).round();
+        for (grow, ink) in [
+            (rim, colour::RIM),
+            (border, colour::SCALE),
+            (0.0, colour::WINDOW),
+        ] {
             pen.list.rect(self.wheels().grown(grow), ink);
             pen.list.rect(self.drum().grown(grow), ink);
             let reach = (self.tip - base).signum() * grow * 1.6;
@@ -389,13 +394,13 @@ fn draw_title(pen: &mut Pen<'_>, rect: Rect, name: &str, unit: &str, reverted: b
         name,
         Vec2::new(rect.min.x + inset, y),
         Align::Left,
-        bold(10.0, ink),
+        bold(11.0, ink),
     );
     pen.text(
         unit,
         Vec2::new(rect.max.x - inset, y),
         Align::Right,
-        regular(10.0, colour::LABEL),
+        regular(10.5, colour::LABEL),
     );
 }
 
@@ -405,7 +410,7 @@ fn draw_baro(pen: &mut Pen<'_>, model: &Model) {
     let number = |pressure| format::baro(pressure, model.baro_unit);
     match model.baro {
         BaroBox::Pilot(pressure) => {
-            draw_setting(pen, rect, "", &number(pressure), unit, colour::SELECTED)
+            draw_setting(pen, rect, "", &number(pressure), unit, colour::SELECTED);
         }
         BaroBox::Standard => draw_setting(pen, rect, "", "STD", "BARO", colour::SELECTED),
         BaroBox::Source(Ok(pressure)) => {
@@ -426,7 +431,7 @@ fn draw_setting(
     ink: Colour,
 ) {
     pen.field(rect);
-    let (name, number) = (regular(9.5, colour::LABEL), bold(11.5, ink));
+    let (name, number) = (regular(10.5, colour::LABEL), bold(12.5, ink));
     let gap = |text: &str, pen: &Pen<'_>| {
         if text.is_empty() {
             0.0

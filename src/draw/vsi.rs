@@ -39,12 +39,12 @@ pub(super) fn draw(pen: &mut Pen<'_>, model: &Model) {
                 &label,
                 Vec2::new(x, at),
                 Align::Centre,
-                bold(11.0, colour::SCALE),
+                bold(12.0, colour::SCALE),
             );
         }
     }
-    let unit = Vec2::new(rect.max.x - pen.px(5.0), rect.min.y + pen.px(10.0));
-    pen.text("FPM", unit, Align::Right, regular(8.0, colour::LABEL));
+    let unit = Vec2::new(rect.max.x - pen.px(5.0), rect.min.y + pen.px(11.0));
+    pen.text("FPM", unit, Align::Right, regular(9.0, colour::LABEL));
     draw_pointer(
         pen,
         rect,
@@ -58,11 +58,16 @@ fn draw_pointer(pen: &mut Pen<'_>, rect: Rect, y: f32, figures: Option<&str>) {
     let border = pen.layout.line(1.5);
     let left = rect.min.x + pen.px(14.0);
     let window = Rect {
-        min: Vec2::new(left, y - pen.px(10.0)),
-        max: Vec2::new(rect.max.x + pen.px(20.0), y + pen.px(10.0)),
+        min: Vec2::new(left, y - pen.px(11.0)),
+        max: Vec2::new(rect.max.x + pen.px(20.0), y + pen.px(11.0)),
     };
     let tip = rect.min.x + pen.px(3.0);
-    for (grow, ink) in [(border, colour::SCALE), (0.0, colour::WINDOW)] {
+    let rim = border + pen.layout.line(1.2);
+    for (grow, ink) in [
+        (rim, colour::RIM),
+        (border, colour::SCALE),
+        (0.0, colour::WINDOW),
+    ] {
         if figures.is_some() {
             pen.list.rect(window.grown(grow), ink);
         }
@@ -77,6 +82,6 @@ fn draw_pointer(pen: &mut Pen<'_>, rect: Rect, y: f32, figures: Option<&str>) {
     }
     if let Some(figures) = figures {
         let at = Vec2::new(window.max.x - pen.px(4.0), y);
-        pen.moving_text(figures, at, Align::Right, bold(11.0, colour::SCALE));
+        pen.moving_text(figures, at, Align::Right, bold(12.0, colour::SCALE));
     }
 }

@@ -198,7 +198,7 @@ struct High {
     bits: u32,
 }
 
-/// The decoder. Memory: one [`Heard`] per identifier, fixed.
+/// The decoder. Memory: what was last heard of each identifier, fixed.
 #[derive(Debug)]
 pub struct CanAerospace {
     counters: Counters,

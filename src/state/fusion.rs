@@ -2,7 +2,8 @@
 //!
 //! Sources are asked in order of their priority. For each parameter the first whose last word is a good, fresh value is
 //! taken; a better source that comes back is taken back at once. When none has a good value the most telling reason stands
-//! (see [`tells`]), so that the pilot learns that a sensor has failed rather than that another was never fitted.
+//! (failed before out of range before silent), so that the pilot learns that a sensor has failed rather than that another
+//! was never fitted.
 //!
 //! Latitude and longitude always come from the same source: half a position of one receiver and half of another is a
 //! place where nobody is.

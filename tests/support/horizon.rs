@@ -1,5 +1,10 @@
 //! The horizon as a pair of eyes finds it: where the sky ends, from pixels alone.
 
+#![allow(
+    dead_code,
+    reason = "every test includes this module and uses only some of it"
+)]
+
 use std::path::Path;
 
 /// A picture, RGB, top row first.

@@ -17,7 +17,7 @@ const SPEED_S: f64 = 4.0;
 /// Distance of the point that the aircraft turns to: 11 s of flight.
 const AHEAD_M: f64 = 600.0;
 /// Limits of an ultralight flown smoothly.
-const BANK_MAX_RAD: f64 = 0.5236;
+const BANK_MAX_RAD: f64 = std::f64::consts::FRAC_PI_6;
 const BANK_RATE_MAX_RADPS: f64 = 0.2;
 const BANK_ACCELERATION_MAX_RADPS2: f64 = 0.3;
 const CLIMB_MAX_RAD: f64 = 0.12;

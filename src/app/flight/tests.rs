@@ -1,3 +1,5 @@
+//! The flight against its own path: what sensors tell must follow from where the aircraft goes.
+
 use super::*;
 use crate::angle::shortest_turn;
 use crate::proto::Protocol;
