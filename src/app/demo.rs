@@ -74,6 +74,9 @@ pub struct DemoArgs {
     /// What to draw on
     #[arg(long, value_enum, default_value_t = Where::Auto)]
     screen: Where,
+    /// The demo's terrain as `glasswing terrain synth` made it before, instead of making it again
+    #[arg(long, value_name = "PACK")]
+    pack: Option<PathBuf>,
     /// Only draw the picture of this second of the flight, the same every time: to still.png, or held on the screen
     #[arg(long, value_name = "S", value_parser = seconds)]
     still: Option<Duration>,
@@ -125,7 +128,7 @@ fn board(args: &DemoArgs) -> Result<Board, Vec<Failure>> {
 
 fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failure> {
     let stop = stop_on_signals()?;
-    let pack = terrain(&args.out)?;
+    let pack = terrain(args)?;
     let flight = Arc::new(flight(&pack)?);
     let mut screen = cockpit::open_screen(board)?;
     let mut cockpit = Cockpit::new(screen.as_ref(), board, Some(pack))?;
@@ -180,12 +183,16 @@ fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failur
     write_json(&args.out.join("summary.json"), &summary)
 }
 
-/// The synthetic valley as a pack in the folder.
-fn terrain(folder: &Path) -> Result<Pack, Failure> {
+/// The synthetic valley: the pack that was given, else one made in the folder.
+fn terrain(args: &DemoArgs) -> Result<Pack, Failure> {
+    let folder = &args.out;
     std::fs::create_dir_all(folder).map_err(|e| {
         let todo = "give a folder that can be written to with --out";
         Failure::new(Kind::Input, folder.display(), "cannot be made", todo).caused_by(e)
     })?;
+    if let Some(pack) = &args.pack {
+        return cockpit::open_pack(pack);
+    }
     let file = folder.join("demo.pack");
     let jobs = std::thread::available_parallelism().map_or(1, usize::from);
     synth::bake(synth::SEED, &file, jobs, &mut |_, _| ()).map_err(|e| {

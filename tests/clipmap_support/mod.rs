@@ -1,8 +1,11 @@
 //! A stand-in for a pack: land from a formula, with tiles that can be made to fail.
 #![allow(dead_code, reason = "each test file uses its own part of this")]
 
+#[path = "../support/mod.rs"]
+mod support;
+
 use glasswing::gl::Gpu;
-use glasswing::screen::{self, Screen};
+use glasswing::screen::Screen;
 use glasswing::terrain::codec::{SurfaceKind, Tile};
 use glasswing::terrain::grid::{Grid, TileKey};
 use glasswing::terrain::pack::{Bounds, PackInfo, PostRect, TileError, TileReader};
@@ -160,18 +163,11 @@ pub(crate) fn sea(_: i32, _: i32) -> (f64, SurfaceKind) {
     (0.0, SurfaceKind::Water)
 }
 
-/// A GPU without a screen, or the reason why these tests cannot run here.
+/// A GPU and the headless screen that this run asks for.
 pub(crate) fn gpu(width: u32, height: u32) -> Option<(Rc<Gpu>, Box<dyn Screen>)> {
-    match screen::surfaceless::open(width, height) {
-        Ok(screen) => {
-            let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
-            Some((gpu, Box::new(screen)))
-        }
-        Err(e) => {
-            println!("SKIPPED: no EGL here: {e}");
-            None
-        }
-    }
+    let screen = support::headless_screen(width, height);
+    let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
+    Some((gpu, screen))
 }
 
 /// Small deterministic random numbers (SplitMix64, Steele et al. 2014).
