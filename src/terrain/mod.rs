@@ -1,11 +1,19 @@
-//! Terrain: the pack and how it is made.
+//! Terrain, from elevation files to the numbers a frame is drawn from.
+//!
+//! On the bench: [`input`] reads elevation files, [`bake`] makes them one grid of posts ([`grid`]) in levels and tiles, and
+//! [`store`] writes the pack. In flight: [`pack`] reads tiles on the streaming thread ([`worker`]), [`surface`] makes texels
+//! of them, [`stream`] keeps what is resident following the eye ([`clipmap`]), and [`scene`] plans a frame: which levels,
+//! cut into which blocks ([`blocks`], [`cull`]), placed by which tables ([`tables`]). [`crate::gl::terrain`] draws it.
 
 pub mod archive;
 pub mod bake;
 pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
+pub mod blocks;
+pub mod clipmap;
 pub mod codec;
+pub mod cull;
 pub mod geoid;
 pub mod geotiff;
 pub mod grid;
@@ -14,7 +22,12 @@ pub mod hgt;
 pub mod input;
 pub mod pack;
 pub mod raster;
+pub mod scene;
 pub mod store;
+pub mod stream;
+pub mod surface;
 pub mod synth;
 pub mod synth_noise;
 mod synth_valley;
+pub mod tables;
+pub mod worker;

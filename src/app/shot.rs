@@ -1,0 +1,474 @@
+//! `glasswing shot`: one settled picture of a pack, and the distances behind its pixels.
+#![expect(clippy::print_stdout, reason = "the command's output")]
+
+use super::error::{Failure, Kind};
+use crate::geo::{Attitude, Camera, Geodetic};
+use crate::gl::sky::SkyRenderer;
+use crate::gl::target::Target;
+use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
+use crate::gl::{GlError, Gpu};
+use crate::screen::{self, Screen};
+use crate::terrain::pack::Pack;
+use crate::terrain::scene::{FrameFigures, Settings};
+use crate::time::Monotonic;
+use crate::units::Radians;
+use serde::Serialize;
+use std::fs::File;
+use std::io::{BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::str::FromStr;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Samples per pixel of the picture.
+const SAMPLES: u32 = 4;
+/// Texels a frame: the default of a board.
+const QUOTA: usize = 65_536;
+/// A picture that is not settled by now never will be: all levels of a pack are read in well under a second.
+const SETTLE_MAX: Duration = Duration::from_secs(60);
+/// How long to leave the streaming thread alone between two looks at what it has done.
+const SETTLE_PAUSE: Duration = Duration::from_millis(1);
+/// The flat sky of `--terrain-only`: red, green, blue, opacity.
+const FLAT_SKY: [f32; 4] = [0.53, 0.72, 0.92, 1.0];
+
+/// Draws one settled picture from a terrain pack.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Example:\n  glasswing shot --pack andes.pack --eye -32.6,-70.3,4200 --attitude 215,-4,0 --hfov 60 \\\n      --size 1024x600 --out view.png --range view.pfm"
+)]
+pub struct ShotArgs {
+    /// The terrain pack to draw
+    #[arg(long, value_name = "PACK")]
+    pub pack: PathBuf,
+    /// Where the eye is: degrees north, degrees east, metres above the WGS 84 ellipsoid
+    #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true)]
+    pub eye: Triple,
+    /// How it looks: degrees clockwise from true north, pitch up, roll right wing down
+    #[arg(
+        long,
+        value_name = "HEADING,PITCH,ROLL",
+        allow_hyphen_values = true,
+        default_value = "0,0,0"
+    )]
+    pub attitude: Triple,
+    /// Horizontal field of view in degrees; pixels are square
+    #[arg(long, value_name = "DEG", default_value_t = 60.0)]
+    pub hfov: f64,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x600")]
+    pub size: Size,
+    /// Where the picture goes (PNG)
+    #[arg(long, value_name = "X.png")]
+    pub out: PathBuf,
+    /// Also write the distance in metres from the eye along each pixel-centre ray (PFM, little endian, +inf for sky)
+    #[arg(long, value_name = "X.pfm")]
+    pub range: Option<PathBuf>,
+    /// No instruments, haze or sky gradient
+    #[arg(long)]
+    pub terrain_only: bool,
+    /// What draws
+    #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
+    pub backend: Backend,
+    /// Print figures of the frame as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What a picture without a screen is drawn with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Backend {
+    /// EGL without a surface
+    Surfaceless,
+    /// `OSMesa`, in memory
+    Osmesa,
+}
+
+/// Three numbers with commas between them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triple(pub [f64; 3]);
+
+impl FromStr for Triple {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut out = [0.0; 3];
+        let mut parts = text.split(',');
+        for value in &mut out {
+            *value = parts
+                .next()
+                .and_then(|part| part.trim().parse().ok())
+                .filter(|v: &f64| v.is_finite())
+                .ok_or("three numbers with commas between them are needed")?;
+        }
+        match parts.next() {
+            None => Ok(Self(out)),
+            Some(more) => Err(format!("`{more}` is one number too many")),
+        }
+    }
+}
+
+/// Width and height of a picture, pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size(pub u32, pub u32);
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |text: &str| text.parse().ok().filter(|&v| (1..=8192).contains(&v));
+        text.split_once('x')
+            .and_then(|(w, h)| Some(Self(side(w)?, side(h)?)))
+            .ok_or_else(|| "WIDTHxHEIGHT in pixels is needed, each 1 to 8192".into())
+    }
+}
+
+/// What `--json` prints.
+#[derive(Debug, Serialize)]
+struct Report {
+    triangles: usize,
+    draw_calls: usize,
+    levels: usize,
+    level_finest: Option<u8>,
+    level_coarsest: Option<u8>,
+    settle_frames: u32,
+    settle_ms: f64,
+    frame_ms: f64,
+    uploads_texels: usize,
+    uploads_bytes: usize,
+    resident_bytes: usize,
+    damaged_tiles: u32,
+    width: u32,
+    height: u32,
+    gpu: String,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`]: wrong values (2), no or a damaged pack (3), no GPU (4), a file that cannot be written (1).
+pub fn run(args: ShotArgs) -> Result<(), Failure> {
+    let camera = camera(&args)?;
+    let pack = Pack::open(&args.pack).map_err(|e| {
+        let remedy = e.remedy();
+        Failure::new(Kind::Input, args.pack.display(), &e, remedy).caused_by(e)
+    })?;
+    let screen = open(args.backend, args.size)?;
+    let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gpu_failure(&e))?;
+    let mut studio = Studio::new(&gpu, pack, args.size).map_err(|e| gpu_failure(&e))?;
+    let settled = studio.settle(&camera)?;
+    let report = studio.picture(&camera, &args, settled)?;
+    if args.json {
+        println!("{}", serde_json::json!(report));
+    }
+    Ok(())
+}
+
+/// The camera of the arguments.
+fn camera(args: &ShotArgs) -> Result<Camera, Failure> {
+    let Triple([latitude, longitude, height]) = args.eye;
+    let Triple([heading, pitch, roll]) = args.attitude;
+    let wrong = |what: &str, why: &str, todo: &str| Err(Failure::new(Kind::Usage, what, why, todo));
+    if latitude.abs() > 90.0 || longitude.abs() > 360.0 {
+        return wrong(
+            "--eye",
+            "no such latitude or longitude",
+            "give LAT,LON,HEIGHT with LAT from -90 to 90",
+        );
+    }
+    if !(-12_000.0..=1.0e6).contains(&height) {
+        return wrong(
+            "--eye",
+            "the height is below the sea floor or above 1000 km",
+            "give metres above the ellipsoid",
+        );
+    }
+    let camera = Camera {
+        eye: Geodetic::from_degrees(latitude, longitude, height),
+        attitude: Attitude::from_degrees(heading, pitch, roll),
+        hfov: Radians::from_degrees(args.hfov),
+        width_px: args.size.0,
+        height_px: args.size.1,
+    };
+    if !camera.is_valid() {
+        return wrong(
+            "--hfov",
+            "no picture has this field of view",
+            "give 1 to 170 degrees",
+        );
+    }
+    Ok(camera)
+}
+
+fn open(backend: Backend, size: Size) -> Result<Box<dyn Screen>, Failure> {
+    let screen: Result<Box<dyn Screen>, _> = match backend {
+        Backend::Surfaceless => screen::surfaceless::open(size.0, size.1).map(|s| Box::new(s) as _),
+        Backend::Osmesa => screen::osmesa::open(size.0, size.1).map(|s| Box::new(s) as _),
+    };
+    screen.map_err(|e| {
+        Failure::new(Kind::Device, e.device().to_owned(), e.why(), e.remedy()).caused_by(e)
+    })
+}
+
+fn gpu_failure(e: &dyn std::error::Error) -> Failure {
+    Failure::new(
+        Kind::Device,
+        "the GPU",
+        e,
+        "check the driver with `glasswing list`",
+    )
+}
+
+/// How settling went.
+#[derive(Clone, Copy, Debug)]
+struct Settled {
+    figures: FrameFigures,
+    frames: u32,
+    after: Duration,
+    uploads_texels: usize,
+    uploads_bytes: usize,
+}
+
+/// Everything that a picture is drawn with.
+#[derive(Debug)]
+struct Studio {
+    gpu: Rc<Gpu>,
+    terrain: TerrainRenderer,
+    sky: SkyRenderer,
+    target: Target,
+    size: Size,
+}
+
+impl Studio {
+    fn new(
+        gpu: &Rc<Gpu>,
+        pack: Pack,
+        size: Size,
+    ) -> Result<Self, crate::gl::terrain::TerrainError> {
+        Ok(Self {
+            gpu: Rc::clone(gpu),
+            terrain: TerrainRenderer::new(gpu, Settings::default(), Arc::new(pack))?,
+            sky: SkyRenderer::new(gpu)?,
+            target: Target::offscreen(gpu, size.0, size.1, SAMPLES)?,
+            size,
+        })
+    }
+
+    /// Streams until every wanted level is resident.
+    fn settle(&mut self, camera: &Camera) -> Result<Settled, Failure> {
+        let begun = Monotonic::read();
+        let (mut frames, mut uploads_texels, mut uploads_bytes) = (0, 0, 0);
+        loop {
+            let figures = self.terrain.prepare(camera, QUOTA).map_err(|e| {
+                Failure::new(Kind::Usage, "--eye", e, "give finite numbers in range")
+            })?;
+            frames += 1;
+            uploads_texels += figures.uploads_texels;
+            uploads_bytes += figures.uploads_bytes;
+            let after = Monotonic::read().since(begun).unwrap_or_default();
+            if figures.settled {
+                return Ok(Settled {
+                    figures,
+                    frames,
+                    after,
+                    uploads_texels,
+                    uploads_bytes,
+                });
+            }
+            if after > SETTLE_MAX {
+                return Err(Failure::new(
+                    Kind::Input,
+                    "the terrain",
+                    format!(
+                        "levels {:?} are wanted, but only {:?} are resident after {} s",
+                        figures.levels_wanted,
+                        figures.levels,
+                        SETTLE_MAX.as_secs()
+                    ),
+                    "check the pack with `glasswing terrain verify`, and the disk it is on",
+                ));
+            }
+            std::thread::park_timeout(SETTLE_PAUSE);
+        }
+    }
+
+    fn picture(
+        &mut self,
+        camera: &Camera,
+        args: &ShotArgs,
+        settled: Settled,
+    ) -> Result<Report, Failure> {
+        self.draw(camera, args.terrain_only);
+        self.gpu.finish();
+        let begun = Monotonic::read();
+        let background = self.draw(camera, args.terrain_only);
+        self.gpu.finish();
+        let frame = Monotonic::read().since(begun).unwrap_or_default();
+        let mut pixels = vec![0; self.size.0 as usize * self.size.1 as usize * 4];
+        self.target.read_rgba(&mut pixels);
+        write_png(&args.out, self.size, &pixels)?;
+        if let Some(path) = &args.range {
+            let ranges = self.ranges().map_err(|e| gpu_failure(&e))?;
+            write_pfm(path, self.size, &ranges)?;
+        }
+        self.gpu
+            .check("while drawing the picture")
+            .map_err(|e| gpu_failure(&e))?;
+        let figures = settled.figures;
+        let damage = figures.damage;
+        Ok(Report {
+            triangles: figures.triangles,
+            draw_calls: self.terrain.draw_calls() + background,
+            levels: figures
+                .levels
+                .map_or(0, |(finest, coarsest)| usize::from(coarsest - finest) + 1),
+            level_finest: figures.levels.map(|l| l.0),
+            level_coarsest: figures.levels.map(|l| l.1),
+            settle_frames: settled.frames,
+            settle_ms: settled.after.as_secs_f64() * 1e3,
+            frame_ms: frame.as_secs_f64() * 1e3,
+            uploads_texels: settled.uploads_texels,
+            uploads_bytes: settled.uploads_bytes,
+            resident_bytes: figures.resident_bytes,
+            damaged_tiles: damage.checksum + damage.content + damage.reading,
+            width: self.size.0,
+            height: self.size.1,
+            gpu: self.gpu.caps().renderer.clone(),
+        })
+    }
+
+    /// Draws what has been settled. Returns the draw calls beside the terrain's.
+    fn draw(&self, camera: &Camera, terrain_only: bool) -> usize {
+        self.target.bind();
+        self.gpu.clear(FLAT_SKY);
+        if terrain_only {
+            self.terrain.draw(&Look::BARE);
+            return 0;
+        }
+        self.terrain.draw(&Look::FLIGHT);
+        self.sky.draw(camera);
+        1
+    }
+
+    /// Distances from the eye, metres, rows from the top; +infinity for sky.
+    fn ranges(&self) -> Result<Vec<f32>, GlError> {
+        let target = Target::offscreen(&self.gpu, self.size.0, self.size.1, 0)?;
+        target.bind();
+        self.gpu.clear(RANGE_CLEAR);
+        self.terrain.draw_range();
+        let mut bytes = vec![0; self.size.0 as usize * self.size.1 as usize * 4];
+        target.read_rgba(&mut bytes);
+        Ok(bytes
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            .collect())
+    }
+}
+
+fn file_failure(path: &Path, e: impl std::error::Error + Send + Sync + 'static) -> Failure {
+    Failure::new(
+        Kind::Other,
+        path.display(),
+        "it cannot be written",
+        "check the folder, its rights and the room on the disk",
+    )
+    .caused_by(e)
+}
+
+/// Writes red, green, blue and opacity, rows from the top, as a PNG without opacity.
+fn write_png(path: &Path, size: Size, rgba: &[u8]) -> Result<(), Failure> {
+    let file = File::create(path).map_err(|e| file_failure(path, e))?;
+    let mut encoder = png::Encoder::new(BufWriter::new(file), size.0, size.1);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    let rgb: Vec<u8> = rgba
+        .chunks_exact(4)
+        .flat_map(|p| [p[0], p[1], p[2]])
+        .collect();
+    let mut writer = encoder.write_header().map_err(|e| file_failure(path, e))?;
+    writer
+        .write_image_data(&rgb)
+        .map_err(|e| file_failure(path, e))?;
+    writer.finish().map_err(|e| file_failure(path, e))
+}
+
+/// Writes one channel as a PFM: little endian (negative scale), rows from the bottom (P. Debevec's format, as Netpbm's
+/// pfm(5) describes it).
+fn write_pfm(path: &Path, size: Size, rows_from_top: &[f32]) -> Result<(), Failure> {
+    let write = || -> std::io::Result<()> {
+        let mut file = BufWriter::new(File::create(path)?);
+        write!(file, "Pf\n{} {}\n-1.0\n", size.0, size.1)?;
+        for row in rows_from_top.chunks_exact(size.0 as usize).rev() {
+            for value in row {
+                file.write_all(&value.to_le_bytes())?;
+            }
+        }
+        file.flush()
+    };
+    write().map_err(|e| file_failure(path, e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Cli {
+        #[command(flatten)]
+        shot: ShotArgs,
+    }
+
+    fn parse(extra: &[&str]) -> Result<ShotArgs, clap::Error> {
+        let base = ["x", "--pack", "a.pack", "--out", "a.png"];
+        Cli::try_parse_from(base.iter().chain(extra)).map(|c| c.shot)
+    }
+
+    #[test]
+    fn a_southern_eye_may_begin_with_a_minus() {
+        let args = parse(&["--eye", "-32.6,-70.3,4200", "--attitude", "-5,-4,0"]).expect("parses");
+        assert_eq!(args.eye, Triple([-32.6, -70.3, 4200.0]));
+        let camera = camera(&args).expect("a camera");
+        assert!(
+            (camera.eye.latitude.to_degrees() + 32.6).abs() < 1e-12,
+            "south"
+        );
+    }
+
+    #[test]
+    fn wrong_values_are_refused_with_a_reason() {
+        for eye in ["1,2", "1,2,3,4", "a,2,3", "nan,0,0"] {
+            assert!(parse(&["--eye", eye]).is_err(), "{eye}");
+        }
+        for size in ["1024", "0x10", "1024x600x2", "99999x2"] {
+            assert!(
+                parse(&["--eye", "0,0,0", "--size", size]).is_err(),
+                "{size}"
+            );
+        }
+        for extra in [
+            &["--eye", "91,0,0"][..],
+            &["--eye", "0,0,0", "--hfov", "179"],
+            &["--eye", "0,0,-99999"],
+        ] {
+            let args = parse(extra).expect("parses");
+            let failure = camera(&args).expect_err("refused");
+            assert_eq!(failure.kind(), Kind::Usage, "{extra:?}");
+        }
+    }
+
+    #[test]
+    fn a_pfm_is_written_from_the_bottom() {
+        let path = std::env::temp_dir().join(format!("glasswing-{}.pfm", std::process::id()));
+        write_pfm(&path, Size(2, 2), &[1.0, 2.0, 3.0, f32::INFINITY]).expect("written");
+        let bytes = std::fs::read(&path).expect("read");
+        std::fs::remove_file(&path).expect("removed");
+        let header = b"Pf\n2 2\n-1.0\n";
+        assert_eq!(&bytes[..header.len()], header);
+        assert_eq!(
+            &bytes[header.len()..header.len() + 4],
+            3.0_f32.to_le_bytes()
+        );
+        assert_eq!(bytes.len(), header.len() + 16);
+    }
+}

@@ -1,0 +1,437 @@
+//! Draws the terrain: the textures of a [`Scene`]'s levels, and one instanced draw for each level.
+//!
+//! Uploads: a level has one texture for heights and one for its surface, written at the start of a frame. Strips are
+//! 510 texels and come a few times a second, so on a driver that makes a write wait for the draws that read the texture,
+//! the wait is for the frame before this one, which a loop paced by page flips has seen finished. Tables are written
+//! more often and rotate through three textures.
+
+use std::io;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use glow::HasContext as _;
+
+use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
+use super::program::{Program, UniformLocation};
+use super::texture::{Filter, Format, Region, Texture, Wrap};
+use super::{GlError, Gpu};
+use crate::geo::{Camera, Geodetic};
+use crate::limits::LEVELS_MAX;
+use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices, pattern_vertices};
+use crate::terrain::clipmap::{TorusPart, torus_texel};
+use crate::terrain::scene::{
+    BadCamera, FrameFigures, LevelPlan, Plan, Scene, Settings, TABLE_ENTRIES,
+};
+use crate::terrain::stream::{NoTerrain, Sink};
+use crate::terrain::surface::TileSource;
+use crate::units::Metres;
+
+/// Table textures in rotation: one being written, two that the GPU may still read.
+const TABLES: usize = 3;
+
+/// What the picture shows beside the ground itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Look {
+    /// Distance at which 63 % of the haze is reached, metres; infinite for none.
+    pub haze_m: f64,
+    /// Its colour: red, green, blue, 0 to 1.
+    pub haze: [f32; 3],
+}
+
+impl Look {
+    /// For flying: haze that leaves ridges 100 km away readable.
+    pub const FLIGHT: Self = Self {
+        haze_m: 70_000.0,
+        haze: super::sky::HAZE,
+    };
+    /// The ground alone.
+    pub const BARE: Self = Self {
+        haze_m: f64::INFINITY,
+        haze: super::sky::HAZE,
+    };
+}
+
+/// Why the renderer cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum TerrainError {
+    /// The GPU refused something.
+    #[error(transparent)]
+    Gl(#[from] GlError),
+    /// The system refused the streaming thread.
+    #[error("the terrain thread cannot be started")]
+    Thread(#[source] io::Error),
+}
+
+/// Draws a pack.
+#[derive(Debug)]
+pub struct TerrainRenderer {
+    gpu: Rc<Gpu>,
+    scene: Scene,
+    textures: LevelTextures,
+    tables: [Texture; TABLES],
+    table: usize,
+    tables_version: u32,
+    colour: Shader,
+    range: Shader,
+    blocks: Stream,
+    region: usize,
+    arrays: [VertexArray; super::buffer::STREAM_REGIONS],
+    indices: u32,
+}
+
+#[derive(Debug)]
+struct LevelTextures {
+    heights: Vec<Texture>,
+    surface: Vec<Texture>,
+}
+
+impl Sink for LevelTextures {
+    fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]) {
+        let region = Region {
+            x: texel(part.x),
+            y: texel(part.y),
+            width: texel(part.width),
+            height: texel(part.height),
+        };
+        let level = usize::from(level);
+        self.heights[level].write(region, bytemuck::cast_slice(heights));
+        self.surface[level].write(region, bytemuck::cast_slice(surface));
+    }
+}
+
+/// A program with its uniforms.
+#[derive(Debug)]
+struct Shader {
+    program: Program,
+    window: UniformLocation,
+    torus: UniformLocation,
+    morph: UniformLocation,
+    texels: Option<UniformLocation>,
+    origin: UniformLocation,
+    scale: UniformLocation,
+    clip: [UniformLocation; 3],
+    depth: UniformLocation,
+    haze: Option<UniformLocation>,
+}
+
+/// Texture units.
+const HEIGHTS: u32 = 0;
+const TABLE: u32 = 1;
+const SURFACE: u32 = 2;
+const COARSER: u32 = 3;
+
+impl Shader {
+    fn new(gpu: &Rc<Gpu>, name: &'static str, defines: &str) -> Result<Self, GlError> {
+        let source = |text: &str| format!("{defines}\n#line 1\n{text}");
+        let program = Program::new(
+            gpu,
+            name,
+            &source(include_str!("../../shaders/terrain.vert")),
+            &source(include_str!("../../shaders/terrain.frag")),
+        )?;
+        program.sampler("heights", HEIGHTS)?;
+        program.sampler("tables", TABLE)?;
+        let is_colour = defines.is_empty();
+        if is_colour {
+            program.sampler("surface", SURFACE)?;
+            program.sampler("coarser", COARSER)?;
+        }
+        let colour_only = |name: &str| is_colour.then(|| program.uniform(name)).transpose();
+        Ok(Self {
+            window: program.uniform("window")?,
+            torus: program.uniform("torus")?,
+            morph: program.uniform("morph")?,
+            texels: colour_only("texels")?,
+            origin: program.uniform("origin")?,
+            scale: program.uniform("scale")?,
+            clip: [
+                program.uniform("clip_x")?,
+                program.uniform("clip_y")?,
+                program.uniform("clip_w")?,
+            ],
+            depth: program.uniform("depth")?,
+            haze: colour_only("haze")?,
+            program,
+        })
+    }
+}
+
+impl TerrainRenderer {
+    /// For a pack: allocates every texture and buffer, compiles the shaders and starts the streaming thread.
+    ///
+    /// # Errors
+    /// [`TerrainError`].
+    pub fn new<S: TileSource>(
+        gpu: &Rc<Gpu>,
+        settings: Settings,
+        source: Arc<S>,
+    ) -> Result<Self, TerrainError> {
+        let scene = Scene::new(source, settings).map_err(TerrainError::Thread)?;
+        let side = texel(settings.shape.texels());
+        let levels = scene.levels();
+        let all = |format, filter| -> Result<Vec<Texture>, GlError> {
+            (0..levels)
+                .map(|_| Texture::new(gpu, format, side, side, filter, Wrap::Repeat))
+                .collect()
+        };
+        let textures = LevelTextures {
+            heights: all(Format::Rg16Ui, Filter::Nearest)?,
+            surface: all(Format::Rgba8, Filter::Linear)?,
+        };
+        let table = || {
+            let rows = 2 * u32::from(levels);
+            let columns = texel(TABLE_ENTRIES);
+            Texture::new(
+                gpu,
+                Format::Rgba32F,
+                columns,
+                rows,
+                Filter::Nearest,
+                Wrap::Clamp,
+            )
+        };
+        let indices = pattern_indices(settings.shape);
+        let corners = Buffer::fixed(gpu, Role::Vertex, &pattern_vertices(settings.shape))?;
+        let index_buffer = Buffer::fixed(gpu, Role::Index, &indices)?;
+        let blocks = Stream::new(
+            gpu,
+            Role::Vertex,
+            LEVELS_MAX * BLOCKS_MAX * size_of::<Block>(),
+        )?;
+        let corner = Attribute {
+            location: 0,
+            components: 2,
+            scalar: Scalar::U8Int,
+            offset_bytes: 0,
+        };
+        let array = || VertexArray::new(gpu, &corners, 2, &[corner], Some(&index_buffer));
+        Ok(Self {
+            tables: [table()?, table()?, table()?],
+            table: 0,
+            tables_version: 0,
+            colour: Shader::new(gpu, "terrain", "")?,
+            range: Shader::new(gpu, "terrain range", "#define RANGE")?,
+            arrays: [array()?, array()?, array()?],
+            blocks,
+            region: 0,
+            indices: texel(indices.len()),
+            gpu: Rc::clone(gpu),
+            textures,
+            scene,
+        })
+    }
+
+    /// Streams, plans and draws one frame into the bound target, whose depth must be clear: [`Self::prepare`] and
+    /// [`Self::draw`].
+    ///
+    /// # Errors
+    /// [`BadCamera`]: nothing is drawn and everything stays as it was.
+    pub fn frame(
+        &mut self,
+        camera: &Camera,
+        quota: usize,
+        look: &Look,
+    ) -> Result<FrameFigures, BadCamera> {
+        let mut figures = self.prepare(camera, quota)?;
+        self.draw(look);
+        figures.draw_calls = self.draw_calls();
+        Ok(figures)
+    }
+
+    /// Streams at most `quota` texels and plans what to draw, without drawing.
+    ///
+    /// # Errors
+    /// [`BadCamera`]: everything stays as it was.
+    pub fn prepare(&mut self, camera: &Camera, quota: usize) -> Result<FrameFigures, BadCamera> {
+        self.scene.frame(camera, quota, &mut self.textures)?;
+        let plan = self.scene.plan();
+        let mut figures = self.scene.figures();
+        if plan.tables_version != self.tables_version {
+            self.tables_version = plan.tables_version;
+            self.table = (self.table + 1) % TABLES;
+            let texels: &[u8] = bytemuck::cast_slice(&plan.tables);
+            self.tables[self.table].write_all(texels);
+            figures.uploads_bytes += texels.len();
+        }
+        if !plan.blocks.is_empty() {
+            self.region = self.blocks.write(&plan.blocks);
+            figures.uploads_bytes += size_of_val(plan.blocks.as_slice());
+        }
+        figures.resident_bytes = self.resident_bytes();
+        Ok(figures)
+    }
+
+    /// Draws the planned frame into the bound target, whose depth must be clear.
+    pub fn draw(&self, look: &Look) {
+        self.draw_with(&self.colour, look);
+    }
+
+    /// Draws the planned frame's distances from the eye instead of colours: each pixel's four bytes are those of an f32,
+    /// red the lowest, metres. The target must have 8 bits a channel and no multisampling; clear it to
+    /// [`RANGE_CLEAR`].
+    pub fn draw_range(&self) {
+        self.draw_with(&self.range, &Look::BARE);
+    }
+
+    /// Ellipsoidal height of the ground at a point, from the finest resident level that covers it.
+    ///
+    /// # Errors
+    /// [`NoTerrain`] where nothing covers it, or the pack has no measurement there.
+    pub fn ground(&self, point: &Geodetic) -> Result<Metres, NoTerrain> {
+        self.scene.ground(point)
+    }
+
+    /// The scene behind it.
+    #[must_use]
+    pub const fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Draw calls of the planned frame: one for each level with a block in the picture.
+    #[must_use]
+    pub fn draw_calls(&self) -> usize {
+        let levels = &self.scene.plan().levels;
+        levels.iter().filter(|level| level.blocks.1 > 0).count()
+    }
+
+    fn resident_bytes(&self) -> usize {
+        let of = |textures: &[Texture]| textures.iter().map(Texture::bytes).sum::<usize>();
+        of(&self.textures.heights) + of(&self.textures.surface) + of(&self.tables)
+    }
+
+    fn draw_with(&self, shader: &Shader, look: &Look) {
+        let plan = self.scene.plan();
+        shader.program.bind();
+        self.tables[self.table].bind(TABLE);
+        self.set_frame(shader, plan, look);
+        let gl = self.gpu.gl();
+        // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
+        unsafe {
+            gl.enable(glow::DEPTH_TEST);
+            gl.depth_func(glow::LESS);
+            gl.depth_mask(true);
+            gl.disable(glow::BLEND);
+            gl.disable(glow::CULL_FACE);
+        }
+        let array = &self.arrays[self.region];
+        for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
+            self.set_level(shader, level);
+            let first = level.blocks.0 * size_of::<Block>();
+            let block = Attribute {
+                location: 1,
+                components: 4,
+                scalar: Scalar::U8Int,
+                offset_bytes: u16::try_from(first).unwrap_or(0),
+            };
+            array.add(&self.blocks.regions()[self.region], 4, &[block], 1);
+            array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
+        }
+        // SAFETY: as above.
+        unsafe {
+            gl.depth_range_f32(0.0, 1.0);
+            gl.disable(glow::DEPTH_TEST);
+        }
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "numbers for the shader, which is f32"
+    )]
+    fn set_frame(&self, shader: &Shader, plan: &Plan, look: &Look) {
+        let gl = self.gpu.gl();
+        let heights = self.scene.heights();
+        let texels = self.scene.settings().shape.texels();
+        let scale = [
+            plan.axis_distance_m,
+            heights.unit_m as f32,
+            1.0 / texels as f32,
+            heights.base_m as f32,
+        ];
+        let [r, g, b] = look.haze;
+        let haze = [r, g, b, (1.0 / look.haze_m) as f32];
+        // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
+        unsafe {
+            gl.uniform_2_i32(Some(&shader.torus), signed(texels - 1), plan.anchor_code);
+            gl.uniform_3_f32_slice(Some(&shader.origin), &plan.origin_m);
+            gl.uniform_4_f32_slice(Some(&shader.scale), &scale);
+            for (at, row) in shader.clip.iter().zip(&plan.projection) {
+                gl.uniform_3_f32_slice(Some(at), row);
+            }
+            if let Some(at) = &shader.haze {
+                gl.uniform_4_f32_slice(Some(at), &haze);
+            }
+        }
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_precision_loss,
+        reason = "numbers for the shader, which is f32"
+    )]
+    fn set_level(&self, shader: &Shader, level: &LevelPlan) {
+        let gl = self.gpu.gl();
+        let shape = self.scene.settings().shape;
+        let texels = shape.texels();
+        let at = usize::from(level.level);
+        let coarser = if level.has_coarser { at + 1 } else { at };
+        self.textures.surface[coarser].bind(COARSER);
+        self.textures.surface[at].bind(SURFACE);
+        self.textures.heights[at].bind(HEIGHTS);
+        let own = [level.window.i, level.window.j].map(|v| torus_texel(texels, v));
+        // The coarser level's texel of this origin is half of it, in a torus of the same size. Without a coarser level
+        // the blend goes to the level itself.
+        let other = if level.has_coarser {
+            [level.window.i, level.window.j].map(|v| torus_texel(2 * texels, v))
+        } else {
+            [0, 0]
+        };
+        let m = &level.morph;
+        let inverse = if level.has_coarser {
+            (1.0 / (m.end - m.start)) as f32
+        } else {
+            0.0
+        };
+        // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
+        unsafe {
+            gl.uniform_4_i32(
+                Some(&shader.window),
+                signed(own[0]),
+                signed(own[1]),
+                2 * i32::from(level.level),
+                shape.cells(),
+            );
+            gl.uniform_4_f32(
+                Some(&shader.morph),
+                m.x as f32,
+                m.y as f32,
+                m.start as f32,
+                inverse,
+            );
+            if let Some(location) = &shader.texels {
+                gl.uniform_4_f32(
+                    Some(location),
+                    own[0] as f32,
+                    own[1] as f32,
+                    other[0] as f32,
+                    other[1] as f32,
+                );
+            }
+            gl.uniform_2_f32(Some(&shader.depth), level.depth.0, level.depth.1);
+            gl.depth_range_f32(level.slice.0, level.slice.1);
+        }
+    }
+}
+
+/// Clear colour whose bytes are the f32 +infinity: no terrain.
+pub const RANGE_CLEAR: [f32; 4] = [0.0, 0.0, 128.0 / 255.0, 127.0 / 255.0];
+
+/// A size of ours as GL takes it: at most a few thousand.
+fn texel(v: usize) -> u32 {
+    u32::try_from(v).unwrap_or(0)
+}
+
+/// The same, signed.
+fn signed(v: usize) -> i32 {
+    i32::try_from(v).unwrap_or(0)
+}

@@ -1,0 +1,562 @@
+//! The terrain of one view, without a GPU: follows the eye, decides what is resident and what is drawn, and prepares all
+//! numbers that drawing needs. [`crate::gl::terrain`] uploads and draws what a [`Scene`] says.
+//!
+//! Depth: every level draws into a slice of the depth buffer of its own, the finest into the nearer half. A line of sight
+//! leaves each window once (they are nested around the eye), so what is nearer in slices is nearer in space, and each
+//! slice spends its bits on one level's distances. Sides of constant latitude bulge towards the pole against a line of
+//! sight, by 6 cells for a level-5 window at 60 degrees: far below what shows.
+
+use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
+use super::clipmap::{self, CellRect, Morph, Shape, View, Window};
+use super::cull::{Bound, Patch, Span, Viewer};
+use super::grid::Grid;
+use super::stream::{NoTerrain, Sink, Streamer, Uploads};
+use super::surface::{DamageCounts, TileSource};
+use super::tables::{Anchor, AnchorPost, Entry, HeightCode};
+use super::worker::Worker;
+use crate::geo::{Camera, Geodetic};
+use crate::limits::LEVELS_MAX;
+use crate::units::Metres;
+use arrayvec::ArrayVec;
+use glam::DVec3;
+use std::io;
+use std::sync::Arc;
+
+/// Entries of a row of the table texture: a level's columns or rows, counted from its window's origin.
+pub const TABLE_ENTRIES: usize = 256;
+
+/// Nothing is drawn nearer to the eye, metres.
+const NEAR_MIN_M: f64 = 0.2;
+
+/// Heights reach at most this far above the highest and below the lowest of a pack (geoid undulations, rounding), metres.
+const HEIGHT_MARGIN_M: f64 = 120.0;
+
+/// How the terrain is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Vertices along a side of a level.
+    pub shape: Shape,
+    /// A level finer than this many pixels a cell everywhere is not drawn.
+    pub cell_pixels_min: f64,
+}
+
+impl Default for Settings {
+    /// The largest shape, cells down to one pixel.
+    fn default() -> Self {
+        Self {
+            shape: Shape::LARGEST,
+            cell_pixels_min: 1.0,
+        }
+    }
+}
+
+/// A camera that no picture can be drawn from: not finite, no latitude, no size, or a field of view out of range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the camera is no camera: a position, attitude or size is not a usable number")]
+pub struct BadCamera;
+
+/// A level as it is drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct LevelPlan {
+    /// Which level.
+    pub level: u8,
+    /// Where its window stands.
+    pub window: Window,
+    /// How it blends into the next.
+    pub morph: Morph,
+    /// Whether the next coarser level is drawn too.
+    pub has_coarser: bool,
+    /// Its blocks: the first in [`Plan::blocks`], and how many.
+    pub blocks: (usize, usize),
+    /// Clip z is the first times clip w plus the second.
+    pub depth: (f32, f32),
+    /// Its slice of the depth buffer.
+    pub slice: (f32, f32),
+}
+
+/// All that drawing a frame needs. Positions are metres, Earth-centred axes, counted from the eye.
+#[derive(Debug)]
+pub struct Plan {
+    /// The levels, finest first.
+    pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
+    /// Their blocks.
+    pub blocks: Vec<Block>,
+    /// Two rows of [`TABLE_ENTRIES`] for each level of the pack: columns, then rows.
+    pub tables: Vec<Entry>,
+    /// Changes when `tables` does.
+    pub tables_version: u32,
+    /// Anchor less eye.
+    pub origin_m: [f32; 3],
+    /// The anchor's distance from the Earth's axis.
+    pub axis_distance_m: f32,
+    /// The anchor's height code.
+    pub anchor_code: i32,
+    /// Rows of the projection: clip x, clip y and clip w of a position.
+    pub projection: [[f32; 3]; 3],
+    /// Triangles with an area.
+    pub triangles: usize,
+}
+
+/// What a frame did.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FrameFigures {
+    /// Triangles drawn (with an area; surplus ones of the pattern are not counted).
+    pub triangles: usize,
+    /// Draw calls.
+    pub draw_calls: usize,
+    /// Finest and coarsest level drawn.
+    pub levels: Option<(u8, u8)>,
+    /// Finest and coarsest level wanted.
+    pub levels_wanted: (u8, u8),
+    /// Terrain texels uploaded.
+    pub uploads_texels: usize,
+    /// Bytes uploaded: terrain, tables and blocks.
+    pub uploads_bytes: usize,
+    /// Bytes of textures and their copies that are resident. Fixed at start.
+    pub resident_bytes: usize,
+    /// Whether every wanted level is whole and in its place.
+    pub settled: bool,
+    /// Tiles that could not be read since the start.
+    pub damage: DamageCounts,
+}
+
+/// A level's uncut blocks with their bounds, kept while windows stand still.
+#[derive(Debug, Default)]
+struct Ring {
+    key: Option<(Window, Option<CellRect>)>,
+    version: u32,
+    blocks: Blocks,
+    bounds: ArrayVec<Bound, BLOCKS_MAX>,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub struct Scene {
+    settings: Settings,
+    grid: Grid,
+    levels: u8,
+    heights: HeightCode,
+    height_min_m: f64,
+    height_max_m: f64,
+    streamer: Streamer,
+    longitude_deg: Option<f64>,
+    eye_posts: (f64, f64),
+    anchor: Option<Anchor>,
+    rings: Vec<Ring>,
+    tabled: ArrayVec<(u8, Window), LEVELS_MAX>,
+    plan: Plan,
+    figures: FrameFigures,
+}
+
+impl Scene {
+    /// For a pack; starts the streaming thread.
+    ///
+    /// # Errors
+    /// When the system refuses a thread.
+    pub fn new<S: TileSource>(source: Arc<S>, settings: Settings) -> io::Result<Self> {
+        let info = source.info();
+        let (grid, levels) = (info.grid, info.levels);
+        let (low, high) = (info.height_min_m, info.height_max_m);
+        let heights = HeightCode::covering(low, high);
+        let worker = Worker::start(source, settings.shape, heights)?;
+        Ok(Self {
+            settings,
+            grid,
+            levels,
+            heights,
+            height_min_m: low.min(0.0) - HEIGHT_MARGIN_M,
+            height_max_m: high.max(0.0) + HEIGHT_MARGIN_M,
+            streamer: Streamer::new(settings.shape, levels, worker),
+            longitude_deg: None,
+            eye_posts: (0.0, 0.0),
+            anchor: None,
+            rings: std::iter::repeat_with(Ring::default)
+                .take(usize::from(levels))
+                .collect(),
+            tabled: ArrayVec::new(),
+            plan: Plan {
+                levels: ArrayVec::new(),
+                blocks: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
+                tables: vec![[0.0; 4]; 2 * usize::from(levels) * TABLE_ENTRIES],
+                tables_version: 0,
+                origin_m: [0.0; 3],
+                axis_distance_m: 0.0,
+                anchor_code: 0,
+                projection: [[0.0; 3]; 3],
+                triangles: 0,
+            },
+            figures: FrameFigures::default(),
+        })
+    }
+
+    /// Prepares a frame: streams at most `quota` texels to `sink` and plans what to draw.
+    ///
+    /// # Errors
+    /// [`BadCamera`]; the last plan stays.
+    pub fn frame(
+        &mut self,
+        camera: &Camera,
+        quota: usize,
+        sink: &mut dyn Sink,
+    ) -> Result<(), BadCamera> {
+        if !camera.is_valid() {
+            return Err(BadCamera);
+        }
+        let eye = self.follow(camera);
+        let wanted = self.wanted(camera);
+        let uploads = self.streamer.step(eye, wanted, quota, sink);
+        self.choose_levels(wanted);
+        self.anchor();
+        self.fill_tables();
+        self.lay_rings();
+        self.cut(camera);
+        self.project(camera);
+        self.report(wanted, uploads);
+        Ok(())
+    }
+
+    /// The plan of the last frame.
+    #[must_use]
+    pub const fn plan(&self) -> &Plan {
+        &self.plan
+    }
+
+    /// Figures of the last frame; draw calls and bytes of tables and blocks are added by whoever draws.
+    #[must_use]
+    pub const fn figures(&self) -> FrameFigures {
+        self.figures
+    }
+
+    /// How heights are coded.
+    #[must_use]
+    pub const fn heights(&self) -> HeightCode {
+        self.heights
+    }
+
+    /// Levels of the pack.
+    #[must_use]
+    pub const fn levels(&self) -> u8 {
+        self.levels
+    }
+
+    /// How it is drawn.
+    #[must_use]
+    pub const fn settings(&self) -> Settings {
+        self.settings
+    }
+
+    /// The resident heights.
+    #[must_use]
+    pub const fn streamer(&self) -> &Streamer {
+        &self.streamer
+    }
+
+    /// Ellipsoidal height of the ground at a point, from the finest resident level that covers it.
+    ///
+    /// # Errors
+    /// [`NoTerrain`] where nothing covers it, or the pack has no measurement there.
+    pub fn ground(&self, point: &Geodetic) -> Result<Metres, NoTerrain> {
+        if !point.is_valid() {
+            return Err(NoTerrain::NotResident);
+        }
+        let longitude = self.near_eye(point.longitude.to_degrees());
+        for level in 0..self.levels {
+            let (x, y) =
+                clipmap::post_position(self.grid, level, longitude, point.latitude.to_degrees());
+            match self.streamer.ground_code(level, x, y) {
+                Err(NoTerrain::NotResident) => {}
+                Err(NoTerrain::Void) => return Err(NoTerrain::Void),
+                Ok(code) => return Ok(Metres(self.heights.base_m + code * self.heights.unit_m)),
+            }
+        }
+        Err(NoTerrain::NotResident)
+    }
+
+    /// A longitude turned so that it is within half a turn of the eye's.
+    fn near_eye(&self, longitude_deg: f64) -> f64 {
+        let near = self.longitude_deg.unwrap_or(longitude_deg);
+        longitude_deg + 360.0 * ((near - longitude_deg) / 360.0).round()
+    }
+
+    /// Takes the eye's position over, continuous across the date line.
+    fn follow(&mut self, camera: &Camera) -> (f64, f64) {
+        let longitude = self.near_eye(camera.eye.longitude.to_degrees());
+        self.longitude_deg = Some(longitude);
+        let latitude = camera.eye.latitude.to_degrees();
+        self.eye_posts = clipmap::post_position(self.grid, 0, longitude, latitude);
+        self.eye_posts
+    }
+
+    fn wanted(&self, camera: &Camera) -> (u8, u8) {
+        let eye_m = camera.eye.height_ellipsoid.0;
+        let above_lowest_m = eye_m - self.height_min_m;
+        let view = View {
+            latitude_deg: camera.eye.latitude.to_degrees(),
+            above_ground_m: self
+                .ground(&camera.eye)
+                .map_or(eye_m - self.height_max_m, |g| eye_m - g.0),
+            above_lowest_m,
+            relief_m: self.height_max_m - self.height_min_m,
+            focal_px: camera.focal_px(),
+        };
+        clipmap::wanted_levels(
+            self.settings.shape,
+            self.grid,
+            self.levels,
+            &view,
+            self.settings.cell_pixels_min,
+        )
+    }
+
+    /// The unbroken run of whole levels that nest, from the coarsest wanted one that is whole; finest first.
+    fn choose_levels(&mut self, wanted: (u8, u8)) {
+        let shape = self.settings.shape;
+        let mut chain: ArrayVec<LevelPlan, LEVELS_MAX> = ArrayVec::new();
+        for level in (wanted.0..=wanted.1).rev() {
+            let Some(window) = self.streamer.window(level) else {
+                if chain.is_empty() {
+                    continue;
+                }
+                break;
+            };
+            let scale = f64::from(1_u32 << level);
+            let (x, y) = (self.eye_posts.0 / scale, self.eye_posts.1 / scale);
+            if let Some(coarser) = chain.last()
+                && clipmap::hole(shape, coarser.window, &coarser.morph, window).is_none()
+            {
+                break;
+            }
+            chain.push(LevelPlan {
+                level,
+                window,
+                morph: Morph::new(shape, window, x, y),
+                has_coarser: !chain.is_empty(),
+                blocks: (0, 0),
+                depth: (0.0, 0.0),
+                slice: (0.0, 1.0),
+            });
+        }
+        self.plan.levels.clear();
+        self.plan.levels.extend(chain.into_iter().rev());
+    }
+
+    /// Moves the anchor to the finest drawn level's post nearest to the eye.
+    fn anchor(&mut self) {
+        let Some(finest) = self.plan.levels.first() else {
+            return;
+        };
+        let half = f64::from(self.settings.shape.cells()) / 2.0;
+        let scale = f64::from(1_u32 << finest.level);
+        let near = |eye: f64, origin: i32, anchor: Option<i32>| {
+            // The post that the anchor stands on is kept until another is clearly nearer.
+            let eye = eye / scale;
+            let kept = anchor.map(|a| f64::from(a) / scale);
+            let v = match kept {
+                Some(a) if (a - eye).abs() < 0.75 && a.fract().abs() < f64::EPSILON => a,
+                _ => eye.round(),
+            };
+            let centre = f64::from(origin) + half;
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "a post of the window, by the clamp"
+            )]
+            let post = v.clamp(centre - half, centre + half) as i32;
+            post
+        };
+        let old = self.anchor.map(|a| a.post());
+        let i = near(self.eye_posts.0, finest.window.i, old.map(|p| p.i));
+        let j = near(self.eye_posts.1, finest.window.j, old.map(|p| p.j));
+        let code = self.streamer.code(finest.level, i, j).unwrap_or(0);
+        let post = AnchorPost {
+            i: i << finest.level,
+            j: j << finest.level,
+            code,
+        };
+        if old != Some(post) {
+            self.anchor = Some(Anchor::new(self.grid, self.heights, post));
+            self.tabled.clear();
+        }
+    }
+
+    /// Tabulates columns and rows of the levels whose window or anchor has moved.
+    fn fill_tables(&mut self) {
+        let Some(anchor) = &self.anchor else { return };
+        let mut changed = false;
+        for plan in &self.plan.levels {
+            if self.tabled.contains(&(plan.level, plan.window)) {
+                continue;
+            }
+            self.tabled.retain(|t| t.0 != plan.level);
+            self.tabled.push((plan.level, plan.window));
+            let start = 2 * usize::from(plan.level) * TABLE_ENTRIES;
+            let (columns, rows) =
+                self.plan.tables[start..start + 2 * TABLE_ENTRIES].split_at_mut(TABLE_ENTRIES);
+            for (post, entry) in (plan.window.i..).zip(columns) {
+                *entry = anchor.column(post << plan.level);
+            }
+            for (post, entry) in (plan.window.j..).zip(rows) {
+                *entry = anchor.row(post << plan.level);
+            }
+            changed = true;
+        }
+        if changed {
+            self.plan.tables_version = self.plan.tables_version.wrapping_add(1);
+        }
+    }
+
+    /// Cuts each level's ring into blocks and bounds them, where anything has changed.
+    fn lay_rings(&mut self) {
+        let shape = self.settings.shape;
+        let version = self.streamer.version();
+        let mut finer: Option<Window> = None;
+        for plan in &self.plan.levels {
+            let hole = finer.and_then(|w| clipmap::hole(shape, plan.window, &plan.morph, w));
+            finer = Some(plan.window);
+            let ring_of = &mut self.rings[usize::from(plan.level)];
+            let key = Some((plan.window, hole));
+            if ring_of.key == key && ring_of.version == version {
+                continue;
+            }
+            let limit = clipmap::row_limit(self.grid, self.levels, plan.level);
+            let rows = (
+                (-limit - plan.window.j).max(0),
+                (limit - plan.window.j).min(shape.cells()),
+            );
+            if ring_of.key != key && !ring(shape, hole, rows, &mut ring_of.blocks) {
+                debug_assert!(false, "a ring of more than {BLOCKS_MAX} blocks");
+            }
+            ring_of.key = key;
+            ring_of.version = version;
+            ring_of.bounds.clear();
+            for block in &ring_of.blocks {
+                let bound = bound(self.grid, self.heights, &self.streamer, plan, *block);
+                ring_of.bounds.push(bound);
+            }
+        }
+    }
+
+    /// Keeps the blocks that the camera can see, and gives each level its slice of depth.
+    fn cut(&mut self, camera: &Camera) {
+        let viewer = Viewer::new(camera, self.height_min_m);
+        let f = camera.focal_px();
+        let (w, h) = (f64::from(camera.width_px), f64::from(camera.height_px));
+        // A distance along a ray is at least this much of it along the optical axis.
+        let along = f / (f * f + (w * w + h * h) / 4.0).sqrt();
+        self.plan.blocks.clear();
+        self.plan.triangles = 0;
+        let coarser = self.plan.levels.len().saturating_sub(1).max(1);
+        for (at, plan) in self.plan.levels.iter_mut().enumerate() {
+            let ring = &self.rings[usize::from(plan.level)];
+            let first = self.plan.blocks.len();
+            let mut all: Option<Span> = None;
+            for (block, bound) in ring.blocks.iter().zip(&ring.bounds) {
+                let Some(span) = viewer.sees(bound) else {
+                    continue;
+                };
+                self.plan.blocks.push(*block);
+                self.plan.triangles += 2 * usize::from(block.width) * usize::from(block.height);
+                let so_far = all.unwrap_or(span);
+                all = Some(Span {
+                    near_m: so_far.near_m.min(span.near_m),
+                    far_m: so_far.far_m.max(span.far_m),
+                });
+            }
+            plan.blocks = (first, self.plan.blocks.len() - first);
+            let span = all.unwrap_or(Span {
+                near_m: 1.0,
+                far_m: 2.0,
+            });
+            plan.depth = depth(along * span.near_m, span.far_m);
+            plan.slice = slice(at, coarser);
+        }
+    }
+
+    /// The projection, and the anchor as the shader needs it.
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "f64 until here: these are the numbers the shader is given"
+    )]
+    fn project(&mut self, camera: &Camera) {
+        let f = camera.focal_px();
+        let axes = camera.eye_to_ecef();
+        let row = |v: DVec3| [v.x as f32, v.y as f32, v.z as f32];
+        self.plan.projection = [
+            row(axes.x_axis * (2.0 * f / f64::from(camera.width_px))),
+            row(axes.y_axis * (2.0 * f / f64::from(camera.height_px))),
+            row(-axes.z_axis),
+        ];
+        if let Some(anchor) = &self.anchor {
+            self.plan.origin_m = row(anchor.ecef() - camera.eye.to_ecef());
+            self.plan.axis_distance_m = anchor.axis_distance_m() as f32;
+            self.plan.anchor_code = i32::from(anchor.post().code);
+        }
+    }
+
+    fn report(&mut self, wanted: (u8, u8), uploads: Uploads) {
+        let levels = &self.plan.levels;
+        self.figures = FrameFigures {
+            triangles: self.plan.triangles,
+            draw_calls: 0,
+            levels: levels
+                .first()
+                .zip(levels.last())
+                .map(|(a, b)| (a.level, b.level)),
+            levels_wanted: wanted,
+            uploads_texels: uploads.texels,
+            uploads_bytes: uploads.bytes,
+            resident_bytes: self.figures.resident_bytes,
+            settled: self.streamer.is_settled(self.eye_posts, wanted)
+                && levels.len() == usize::from(wanted.1 - wanted.0) + 1,
+            damage: self.streamer.damage(),
+        };
+    }
+}
+
+/// Around a block, from the extremes of its heights.
+fn bound(
+    grid: Grid,
+    heights: HeightCode,
+    streamer: &Streamer,
+    plan: &LevelPlan,
+    block: Block,
+) -> Bound {
+    let (west, south) = (
+        plan.window.i + i32::from(block.x),
+        plan.window.j + i32::from(block.y),
+    );
+    let (width, height) = (i32::from(block.width), i32::from(block.height));
+    let (low, high) = streamer.extremes(plan.level, (west, south), (width, height));
+    Bound::of(&Patch {
+        south_deg: grid.latitude_deg(plan.level, south),
+        west_deg: grid.longitude_deg(plan.level, west),
+        north_deg: grid.latitude_deg(plan.level, south + height),
+        east_deg: grid.longitude_deg(plan.level, west + width),
+        height_min_m: heights.decode(low),
+        height_max_m: heights.decode(high),
+    })
+}
+
+/// Clip z = k w + c between a near and a far distance along the optical axis, metres.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "f64 until here: these are the numbers the shader is given"
+)]
+fn depth(near_m: f64, far_m: f64) -> (f32, f32) {
+    let near = near_m.max(NEAR_MIN_M);
+    let far = (far_m * 1.001 + 1.0).max(near * 1.01);
+    (
+        ((far + near) / (far - near)) as f32,
+        (-2.0 * far * near / (far - near)) as f32,
+    )
+}
+
+/// The slice of the depth buffer of the `at`-th level drawn: the nearer half for the first, the rest shared equally.
+#[expect(clippy::cast_precision_loss, reason = "at most ten levels")]
+fn slice(at: usize, coarser: usize) -> (f32, f32) {
+    if at == 0 {
+        return (0.0, 0.5);
+    }
+    let each = 0.5 / coarser as f32;
+    let near = 0.5 + (at - 1) as f32 * each;
+    (near, near + each)
+}

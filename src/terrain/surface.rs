@@ -1,0 +1,490 @@
+//! From tiles to texels: the ellipsoidal height of any post of any level, its height in the next coarser level's surface,
+//! its normal, and what it is. Runs on the streaming worker; allocates only when made.
+//!
+//! What is missing stays drawn and is marked. A post without a tile lies on the geoid; a tile that cannot be read is
+//! filled from the next coarser level, as that level's triangles lie; both are void, and damage is counted. Every level
+//! asks the same function, so a post that two levels share has one height on both, whatever was damaged.
+
+use super::clipmap::TorusPart;
+use super::codec::{SurfaceKind, Tile};
+use super::grid::{Grid, TILE_SIDE, TileKey};
+use super::pack::{Pack, PackInfo, TileError, TileReader};
+use super::tables::HeightCode;
+use crate::geo::{meridian_radius_m, prime_vertical_radius_m};
+use crate::units::Radians;
+use arrayvec::ArrayVec;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Texels of the largest job: 64 x 64, or a strip of 16 x 255.
+pub const BATCH_TEXELS: usize = 4096;
+
+/// Decoded tiles that are kept: ten levels of a 255-post window with its border touch at most 4 x 4 tiles each while it
+/// fills, and 3 x 3 in most places; 48 KiB each.
+pub const TILES_KEPT: usize = 128;
+
+/// Where tiles come from: a [`Pack`], or a stand-in for it in tests.
+pub trait TileSource: Send + Sync + std::fmt::Debug + 'static {
+    /// What there is.
+    fn info(&self) -> &PackInfo;
+    /// Whether there is such a tile.
+    fn contains(&self, key: TileKey) -> bool;
+    /// Height of the geoid above the ellipsoid at a point, metres; `None` where it is not known.
+    fn undulation_m(&self, latitude: Radians, longitude: Radians) -> Option<f64>;
+    /// Reads a tile without allocating.
+    ///
+    /// # Errors
+    /// [`TileError`]; `tile` is then unchanged.
+    fn read_tile(
+        &self,
+        key: TileKey,
+        reader: &mut TileReader,
+        tile: &mut Tile,
+    ) -> Result<(), TileError>;
+}
+
+impl TileSource for Pack {
+    fn info(&self) -> &PackInfo {
+        Self::info(self)
+    }
+
+    fn contains(&self, key: TileKey) -> bool {
+        Self::contains(self, key)
+    }
+
+    fn undulation_m(&self, latitude: Radians, longitude: Radians) -> Option<f64> {
+        self.geoid().undulation_m(latitude, longitude)
+    }
+
+    fn read_tile(
+        &self,
+        key: TileKey,
+        reader: &mut TileReader,
+        tile: &mut Tile,
+    ) -> Result<(), TileError> {
+        Self::read_tile(self, key, reader, tile)
+    }
+}
+
+/// Tiles that could not be read since the start, by reason. A tile counts again when it was forgotten and read again.
+#[derive(Debug, Default)]
+pub struct Damage {
+    checksum: AtomicU32,
+    content: AtomicU32,
+    reading: AtomicU32,
+}
+
+/// A copy of [`Damage`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DamageCounts {
+    /// Tiles that fail their checksum.
+    pub checksum: u32,
+    /// Tiles whose bytes are no tile.
+    pub content: u32,
+    /// Tiles that the disk or the file system did not give.
+    pub reading: u32,
+}
+
+impl Damage {
+    /// The counts so far.
+    #[must_use]
+    pub fn counts(&self) -> DamageCounts {
+        DamageCounts {
+            checksum: self.checksum.load(Ordering::Relaxed),
+            content: self.content.load(Ordering::Relaxed),
+            reading: self.reading.load(Ordering::Relaxed),
+        }
+    }
+
+    fn count(&self, error: &TileError) {
+        let counter = match error {
+            TileError::Absent => return,
+            TileError::Checksum => &self.checksum,
+            TileError::Codec(_) => &self.content,
+            TileError::CutShort | TileError::Io(_) => &self.reading,
+        };
+        counter.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Texels of up to four torus parts, one after the other, each row by row from its south-west texel.
+#[derive(Debug)]
+pub struct Batch {
+    /// (own height code, height code of the next coarser level's surface).
+    pub heights: Box<[[u16; 2]]>,
+    /// (normal east, normal north, water, void), see [`encode_normal`]; the last two 0 or 255.
+    pub surface: Box<[[u8; 4]]>,
+    /// The parts that are filled.
+    pub parts: ArrayVec<TorusPart, 4>,
+}
+
+impl Batch {
+    /// An empty one with room for [`BATCH_TEXELS`].
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            heights: vec![[0; 2]; BATCH_TEXELS].into_boxed_slice(),
+            surface: vec![[0; 4]; BATCH_TEXELS].into_boxed_slice(),
+            parts: ArrayVec::new(),
+        }
+    }
+}
+
+impl Default for Batch {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// A component of a unit normal as a byte: 128 stands for exactly 0, one step for 1/127.
+#[must_use]
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "between 1 and 255 for a component of a unit vector"
+)]
+pub fn encode_normal(component: f64) -> u8 {
+    (component * 127.0 + 128.0).round() as u8
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Post {
+    code: u16,
+    kind: SurfaceKind,
+}
+
+const NO_POST: Post = Post {
+    code: 0,
+    kind: SurfaceKind::Void,
+};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Found {
+    Ready(usize),
+    Damaged,
+    Absent,
+}
+
+#[derive(Debug)]
+struct Slot {
+    key: Option<TileKey>,
+    damaged: bool,
+    used: u64,
+    tile: Tile,
+}
+
+/// Makes texels from tiles.
+#[derive(Debug)]
+pub struct Sampler<'a, S> {
+    source: &'a S,
+    damage: &'a Damage,
+    heights: HeightCode,
+    grid: Grid,
+    levels: u8,
+    slots: Vec<Slot>,
+    clock: u64,
+    reader: TileReader,
+    own: Vec<Post>,
+    coarse: Vec<Post>,
+}
+
+/// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66 or 18 x 257.
+const SCRATCH_POSTS: usize = 5000;
+
+impl<'a, S: TileSource> Sampler<'a, S> {
+    /// Allocates everything it will ever need.
+    #[must_use]
+    pub fn new(source: &'a S, heights: HeightCode, damage: &'a Damage) -> Self {
+        let slot = || Slot {
+            key: None,
+            damaged: false,
+            used: 0,
+            tile: Tile::filled(0, SurfaceKind::Void),
+        };
+        Self {
+            source,
+            damage,
+            heights,
+            grid: source.info().grid,
+            levels: source.info().levels,
+            slots: std::iter::repeat_with(slot).take(TILES_KEPT).collect(),
+            clock: 0,
+            reader: TileReader::new(),
+            own: vec![NO_POST; SCRATCH_POSTS],
+            coarse: vec![NO_POST; SCRATCH_POSTS],
+        }
+    }
+
+    /// Fills `heights` and `surface` with the texels of the posts at (`i`, `j`), `width` x `height`, row by row from the
+    /// south-west one. Nothing larger than [`BATCH_TEXELS`] is asked.
+    pub fn fill(
+        &mut self,
+        level: u8,
+        (i, j): (i32, i32),
+        (width, height): (usize, usize),
+        heights: &mut [[u16; 2]],
+        surface: &mut [[u8; 4]],
+    ) {
+        let (border_w, border_h) = (width + 2, height + 2);
+        let mut own = std::mem::take(&mut self.own);
+        self.patch(level, (i - 1, j - 1), (border_w, border_h), &mut own);
+        for y in 0..height {
+            let scale = self.slope_scale(level, j + signed(y));
+            for x in 0..width {
+                let at = (y + 1) * border_w + x + 1;
+                let post = own[at];
+                heights[y * width + x] = [post.code, post.code];
+                let rise = |a: usize, b: usize| f64::from(own[b].code) - f64::from(own[a].code);
+                let east = -rise(at - 1, at + 1) * scale.0;
+                let north = -rise(at - border_w, at + border_w) * scale.1;
+                let length = (east * east + north * north + 1.0).sqrt();
+                surface[y * width + x] = [
+                    encode_normal(east / length),
+                    encode_normal(north / length),
+                    mask(post.kind == SurfaceKind::Water),
+                    mask(post.kind == SurfaceKind::Void),
+                ];
+            }
+        }
+        self.own = own;
+        if level + 1 < self.levels {
+            self.fill_coarse(level, (i, j), (width, height), heights);
+        }
+    }
+
+    /// The second component of `heights`: the next coarser level's triangles at these posts.
+    fn fill_coarse(
+        &mut self,
+        level: u8,
+        (i, j): (i32, i32),
+        (width, height): (usize, usize),
+        heights: &mut [[u16; 2]],
+    ) {
+        let (ci, cj) = (i.div_euclid(2), j.div_euclid(2));
+        let (cw, ch) = (width / 2 + 2, height / 2 + 2);
+        let mut coarse = std::mem::take(&mut self.coarse);
+        self.patch(level + 1, (ci, cj), (cw, ch), &mut coarse);
+        for y in 0..height {
+            for x in 0..width {
+                let [a, b] = coarse_pair(i + signed(x), j + signed(y));
+                let code = |(pi, pj): (i32, i32)| {
+                    let at = (pj - cj).cast_unsigned() as usize * cw
+                        + (pi - ci).cast_unsigned() as usize;
+                    coarse[at].code
+                };
+                heights[y * width + x][1] = mean(code(a), code(b));
+            }
+        }
+        self.coarse = coarse;
+    }
+
+    /// Slope per code of height difference across two posts, eastwards and northwards, at a row.
+    fn slope_scale(&self, level: u8, j: i32) -> (f64, f64) {
+        let latitude = self.grid.latitude_deg(level, j).to_radians();
+        let spacing = self.grid.spacing_deg(level).to_radians();
+        let (sin, cos) = latitude.sin_cos();
+        let east_m = 2.0 * spacing * prime_vertical_radius_m(sin) * cos.max(1e-3);
+        let north_m = 2.0 * spacing * meridian_radius_m(sin);
+        (self.heights.unit_m / east_m, self.heights.unit_m / north_m)
+    }
+
+    /// Posts of a level, row by row from (`i`, `j`).
+    fn patch(
+        &mut self,
+        level: u8,
+        (i, j): (i32, i32),
+        (width, height): (usize, usize),
+        out: &mut [Post],
+    ) {
+        let mut x = 0;
+        while x < width {
+            let column = i + signed(x);
+            let Some(canonical) = self.grid.canonical_at(level, column) else {
+                // This level has no post there: the first finer one that closes around the Earth has.
+                for y in 0..height {
+                    out[y * width + x] = self.post(level, column, j + signed(y));
+                }
+                x += 1;
+                continue;
+            };
+            // Up to the tile's eastern side, which is also where the date line would be passed, or is well before it.
+            let run = unsigned(TILE_SIDE - canonical.rem_euclid(TILE_SIDE)).min(width - x);
+            let run = self.run_before_date_line(level, canonical, run);
+            let mut y = 0;
+            while y < height {
+                let row = j + signed(y);
+                let rise = unsigned(TILE_SIDE - row.rem_euclid(TILE_SIDE)).min(height - y);
+                let part = Part {
+                    level,
+                    i: canonical,
+                    j: row,
+                    width: run,
+                    height: rise,
+                };
+                self.tile_part(part, width, &mut out[y * width + x..]);
+                y += rise;
+            }
+            x += run;
+        }
+    }
+
+    fn run_before_date_line(&self, level: u8, canonical: i32, run: usize) -> usize {
+        let end = (self.grid.posts_around() / 2 - 1) >> level;
+        run.min(unsigned(end - canonical + 1)).max(1)
+    }
+
+    /// Posts that lie in one tile.
+    fn tile_part(&mut self, part: Part, stride: usize, out: &mut [Post]) {
+        let key = TileKey::of_post(part.level, part.i, part.j);
+        let found = self.tile(key);
+        for y in 0..part.height {
+            for x in 0..part.width {
+                let (i, j) = (part.i + signed(x), part.j + signed(y));
+                out[y * stride + x] = match found {
+                    Found::Ready(slot) => self.stored(slot, part.level, i, j),
+                    Found::Absent => self.missing(part.level, i, j),
+                    Found::Damaged => self.inherited(part.level, i, j),
+                };
+            }
+        }
+    }
+
+    /// One post of any level, wherever its column lies.
+    fn post(&mut self, level: u8, i: i32, j: i32) -> Post {
+        let base = self.grid.canonical(i << level);
+        #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
+        let own = level.min(base.trailing_zeros() as u8);
+        let (i, j) = (base >> own, j << (level - own));
+        match self.tile(TileKey::of_post(own, i, j)) {
+            Found::Ready(slot) => self.stored(slot, own, i, j),
+            Found::Absent => self.missing(own, i, j),
+            Found::Damaged => self.inherited(own, i, j),
+        }
+    }
+
+    fn stored(&self, slot: usize, level: u8, i: i32, j: i32) -> Post {
+        let tile = &self.slots[slot].tile;
+        let at = TileKey::index_of(i, j);
+        let info = self.source.info();
+        let orthometric_m = info.base_m + f64::from(tile.quanta[at]) * info.unit_m;
+        Post {
+            code: self.code(orthometric_m, level, i, j),
+            kind: tile.kind[at],
+        }
+    }
+
+    /// A post of no tile: the geoid's surface.
+    fn missing(&self, level: u8, i: i32, j: i32) -> Post {
+        Post {
+            code: self.code(0.0, level, i, j),
+            kind: SurfaceKind::Void,
+        }
+    }
+
+    /// A post of a damaged tile: as the next coarser level lies there.
+    fn inherited(&mut self, level: u8, i: i32, j: i32) -> Post {
+        if level + 1 >= self.levels {
+            return self.missing(level, i, j);
+        }
+        let [a, b] = coarse_pair(i, j);
+        let first = self.post(level + 1, a.0, a.1).code;
+        let second = if a == b {
+            first
+        } else {
+            self.post(level + 1, b.0, b.1).code
+        };
+        Post {
+            code: mean(first, second),
+            kind: SurfaceKind::Void,
+        }
+    }
+
+    fn code(&self, orthometric_m: f64, level: u8, i: i32, j: i32) -> u16 {
+        let latitude = Radians::from_degrees(self.grid.latitude_deg(level, j));
+        let longitude = Radians::from_degrees(self.grid.longitude_deg(level, i));
+        let undulation_m = self.source.undulation_m(latitude, longitude).unwrap_or(0.0);
+        self.heights.encode(orthometric_m + undulation_m)
+    }
+
+    /// A tile from the cache, or read into its least recently used slot.
+    fn tile(&mut self, key: TileKey) -> Found {
+        self.clock += 1;
+        let mut oldest = 0;
+        for at in 0..self.slots.len() {
+            if self.slots[at].key == Some(key) {
+                self.slots[at].used = self.clock;
+                return if self.slots[at].damaged {
+                    Found::Damaged
+                } else {
+                    Found::Ready(at)
+                };
+            }
+            if self.slots[at].used < self.slots[oldest].used {
+                oldest = at;
+            }
+        }
+        if !self.source.contains(key) {
+            return Found::Absent;
+        }
+        let slot = &mut self.slots[oldest];
+        let read = self.source.read_tile(key, &mut self.reader, &mut slot.tile);
+        if let Err(TileError::Absent) = read {
+            return Found::Absent;
+        }
+        if let Err(e) = &read {
+            self.damage.count(e);
+        }
+        slot.key = Some(key);
+        slot.used = self.clock;
+        slot.damaged = read.is_err();
+        if slot.damaged {
+            Found::Damaged
+        } else {
+            Found::Ready(oldest)
+        }
+    }
+}
+
+/// Part of a tile: posts from (`i`, `j`).
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    level: u8,
+    i: i32,
+    j: i32,
+    width: usize,
+    height: usize,
+}
+
+/// The two posts of the next coarser level between which post (`i`, `j`) lies on that level's triangles: the same one
+/// twice where they share it, the ends of an edge, or of the diagonal of a cell.
+fn coarse_pair(i: i32, j: i32) -> [(i32, i32); 2] {
+    let (ci, cj) = (i.div_euclid(2), j.div_euclid(2));
+    match (i.rem_euclid(2), j.rem_euclid(2)) {
+        (0, 0) => [(ci, cj); 2],
+        (_, 0) => [(ci, cj), (ci + 1, cj)],
+        (0, _) => [(ci, cj), (ci, cj + 1)],
+        _ if (ci + cj).rem_euclid(2) == 0 => [(ci, cj), (ci + 1, cj + 1)],
+        _ => [(ci + 1, cj), (ci, cj + 1)],
+    }
+}
+
+const fn mean(a: u16, b: u16) -> u16 {
+    u16::midpoint(a, b)
+}
+
+const fn mask(is: bool) -> u8 {
+    if is { 255 } else { 0 }
+}
+
+/// A count of posts, at most a few hundred, as a step.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "sides of batches are at most a few hundred posts"
+)]
+const fn signed(count: usize) -> i32 {
+    count as i32
+}
+
+const fn unsigned(count: i32) -> usize {
+    count.cast_unsigned() as usize
+}
