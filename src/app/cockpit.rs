@@ -113,7 +113,10 @@ impl Cockpit {
             })
             .transpose()?;
         Ok(Self {
-            size: Size { width_px: width, height_px: height },
+            size: Size {
+                width_px: width,
+                height_px: height,
+            },
             target: Target::offscreen(gpu, width, height, board.screen.samples)?,
             window: (!headless).then(|| Target::window(gpu, width, height)),
             vector: VectorRenderer::new(gpu, &atlas)?,
@@ -249,7 +252,9 @@ fn show_terrain(
         camera.eye.latitude.to_degrees(),
         camera.eye.longitude.to_degrees(),
     );
-    if !(bounds.south_deg..=bounds.north_deg).contains(&lat) || !(bounds.west_deg..=bounds.east_deg).contains(&lon) {
+    if !(bounds.south_deg..=bounds.north_deg).contains(&lat)
+        || !(bounds.west_deg..=bounds.east_deg).contains(&lon)
+    {
         return Terrain::Outside;
     }
     sky.draw(camera);

@@ -37,11 +37,28 @@ fn read(file: &Path) -> Result<(Size, Vec<u8>), Failure> {
         .read_info()
         .map_err(|e| unreadable(file, e))?;
     let mut rgb = vec![0; reader.output_buffer_size().unwrap_or(0)];
-    let info = reader.next_frame(&mut rgb).map_err(|e| unreadable(file, e))?;
-    let rgba = rgb.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-    Ok((Size { width_px: info.width, height_px: info.height }, rgba))
+    let info = reader
+        .next_frame(&mut rgb)
+        .map_err(|e| unreadable(file, e))?;
+    let rgba = rgb
+        .chunks_exact(3)
+        .flat_map(|p| [p[0], p[1], p[2], 255])
+        .collect();
+    Ok((
+        Size {
+            width_px: info.width,
+            height_px: info.height,
+        },
+        rgba,
+    ))
 }
 
 fn unreadable(path: &Path, e: impl std::error::Error + Send + Sync + 'static) -> Failure {
-    Failure::new(Kind::Other, path.display(), "cannot be read back", "check the disk").caused_by(e)
+    Failure::new(
+        Kind::Other,
+        path.display(),
+        "cannot be read back",
+        "check the disk",
+    )
+    .caused_by(e)
 }

@@ -157,15 +157,25 @@ impl FrameWriter {
 /// When the folder cannot be read.
 pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let entries = std::fs::read_dir(folder).map_err(|e| {
-        Failure::new(Kind::Input, folder.display(), "cannot be read", "give a folder").caused_by(e)
+        Failure::new(
+            Kind::Input,
+            folder.display(),
+            "cannot be read",
+            "give a folder",
+        )
+        .caused_by(e)
     })?;
     let is_frame = |path: &PathBuf| {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let number = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".png"));
+        let number = name
+            .strip_prefix("frame-")
+            .and_then(|rest| rest.strip_suffix(".png"));
         number.is_some_and(|n| n.len() >= 6 && n.bytes().all(|b| b.is_ascii_digit()))
     };
-    let mut frames: Vec<PathBuf> =
-        entries.filter_map(|entry| Some(entry.ok()?.path())).filter(is_frame).collect();
+    let mut frames: Vec<PathBuf> = entries
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .filter(is_frame)
+        .collect();
     frames.sort();
     Ok(frames)
 }
