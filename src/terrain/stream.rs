@@ -2,7 +2,7 @@
 //! of texels a frame that is never passed. The render thread's half of the streaming; the other is [`super::worker`].
 //!
 //! A window moves only in the frame in which the last texel of its strip has been uploaded, so what is drawn is whole
-//! after every frame. A level that the eye has left by more than 64 posts is not drawn until it has been filled anew; until then the
+//! after every frame. A level that the eye has left by more than 48 posts is not drawn until it has been filled anew; until then the
 //! coarser one draws without a hole.
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
@@ -10,8 +10,9 @@ use super::surface::{BATCH_TEXELS, Batch};
 use super::worker::{BATCHES, Job, Parcel, Worker};
 use crate::limits::LEVELS_MAX;
 
-/// A window that is farther than this from where it should be, in posts, is filled anew instead of moved.
-const STRIP_STEPS_MAX: i32 = 64;
+/// A window that is farther than this from where it should be, in posts, is filled anew instead of moved. Less than half of
+/// the smallest window, so that the eye stands inside every window that is drawn.
+const STRIP_STEPS_MAX: i32 = 48;
 /// Side of the squares in which a level is filled.
 const FILL_SIDE: i32 = 64;
 /// Posts across the widest strip: 16 x 255 fit a batch.
