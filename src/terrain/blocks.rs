@@ -11,9 +11,9 @@ use super::clipmap::{CellRect, Shape};
 use arrayvec::ArrayVec;
 use bytemuck::{Pod, Zeroable};
 
-/// Most blocks a level can need: eight by eight without a hole; with a hole each of the four bands has at most
-/// ceil(254 / 33) by ceil(127 / 33).
-pub const BLOCKS_MAX: usize = 128;
+/// Most blocks a level can need: 15 by 15 without a hole. With a hole no more than that, plus a row and a column in each of
+/// the four bands that the hole's sides cut.
+pub const BLOCKS_MAX: usize = 320;
 
 /// One block: an instance of the pattern. Cells counted from the window's origin.
 #[repr(C)]

@@ -51,6 +51,7 @@ enum Residency {
 struct Level {
     residency: Residency,
     generation: u32,
+    version: u32,
     heights: Vec<[u16; 2]>,
     void: Vec<bool>,
     extremes: Vec<(u16, u16)>,
@@ -90,8 +91,6 @@ pub struct Streamer {
     worker: Worker,
     free: Vec<Box<Batch>>,
     held: Option<Held>,
-    /// Counts changes of what is resident.
-    version: u32,
 }
 
 impl Streamer {
@@ -102,6 +101,7 @@ impl Streamer {
         let level = || Level {
             residency: Residency::Out,
             generation: 0,
+            version: 0,
             heights: vec![UNWRITTEN; texels * texels],
             void: vec![true; texels * texels],
             extremes: vec![(u16::MAX, 0); (texels / EXTREMES_SIDE).pow(2)],
@@ -114,7 +114,6 @@ impl Streamer {
             worker,
             free: std::iter::repeat_with(Box::default).take(BATCHES).collect(),
             held: None,
-            version: 0,
         }
     }
 
@@ -172,10 +171,12 @@ impl Streamer {
         })
     }
 
-    /// Changes whenever anything resident does.
+    /// Changes whenever what a level holds does.
     #[must_use]
-    pub const fn version(&self) -> u32 {
-        self.version
+    pub fn version(&self, level: u8) -> u32 {
+        self.levels
+            .get(usize::from(level))
+            .map_or(0, |level| level.version)
     }
 
     /// The worker's counts of unreadable tiles.
@@ -325,7 +326,7 @@ impl Streamer {
                 }
             }
         };
-        self.version = self.version.wrapping_add(1);
+        level.version = level.version.wrapping_add(1);
         self.free.push(held.parcel.batch);
         None
     }
@@ -369,7 +370,7 @@ impl Streamer {
             next: 0,
             left: n * n,
         };
-        self.version = self.version.wrapping_add(1);
+        level.version = level.version.wrapping_add(1);
     }
 
     /// Asks for the squares of a level that is being filled, as long as there are batches.
