@@ -1,5 +1,8 @@
 #![doc = include_str!("ARCHITECTURE.md")]
 
+// The allocator, counted. A hazard module.
+pub mod heap;
+
 // L0: vocabulary. Pure, no I/O.
 pub mod angle;
 pub mod geo;

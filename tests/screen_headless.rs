@@ -4,7 +4,8 @@
     clippy::expect_used,
     reason = "a test fails by panicking"
 )]
-#![expect(clippy::print_stdout, reason = "a skipped test says so")]
+
+mod support;
 
 use std::rc::Rc;
 
@@ -13,7 +14,8 @@ use glasswing::gl::program::Program;
 use glasswing::gl::target::Target;
 use glasswing::gl::texture::{Filter, Format, Texture, Wrap};
 use glasswing::gl::{Flavour, GlError, Gpu};
-use glasswing::screen::{self, Screen};
+use glasswing::screen::{self, Kind, Screen, ScreenError};
+use support::skip;
 
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 48;
@@ -37,18 +39,11 @@ struct Vertex {
     colour: [u8; 4],
 }
 
-/// A screen and its GPU (to be dropped in the opposite order), or a plain word on why the test cannot run here.
-fn headless() -> Option<(Box<dyn Screen>, Rc<Gpu>)> {
-    match screen::surfaceless::open(WIDTH, HEIGHT) {
-        Ok(screen) => {
-            let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
-            Some((Box::new(screen), gpu))
-        }
-        Err(e) => {
-            println!("SKIPPED: no EGL here: {e}");
-            None
-        }
-    }
+/// A screen and its GPU, to be dropped in the opposite order.
+fn headless() -> (Box<dyn Screen>, Rc<Gpu>) {
+    let screen = support::headless_screen(WIDTH, HEIGHT);
+    let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
+    (screen, gpu)
 }
 
 /// A scene with slopes, blended colours and depth: two triangles that cut through each other.
@@ -99,28 +94,27 @@ fn scene(gpu: &Rc<Gpu>) -> Vec<u8> {
 #[test]
 fn osmesa_and_egl_draw_the_same_picture() {
     // One context after the other: both libraries share the notion of the current context.
-    let Some((screen, gpu)) = headless() else {
+    let draw = |screen: Result<Box<dyn Screen>, ScreenError>, flavour| {
+        let screen = screen
+            .inspect_err(|why| skip(&format!("EGL and OSMesa are not compared: {why}")))
+            .ok()?;
+        let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
+        assert_eq!(gpu.caps().flavour, flavour);
+        Some((scene(&gpu), gpu.caps().renderer.clone()))
+    };
+    let size = (WIDTH, HEIGHT);
+    let egl = screen::open(&Kind::Surfaceless, size);
+    let Some((by_egl, egl_renderer)) = draw(egl, Flavour::Es3) else {
         return;
     };
-    let by_egl = scene(&gpu);
-    let renderer = gpu.caps().renderer.clone();
-    drop(gpu);
-    drop(screen);
-    let screen = match screen::osmesa::open(WIDTH, HEIGHT) {
-        Ok(screen) => screen,
-        Err(e) => {
-            println!("SKIPPED: no OSMesa here: {e}");
-            return;
-        }
+    let osmesa = screen::open(&Kind::OsMesa, size);
+    let Some((by_osmesa, osmesa_renderer)) = draw(osmesa, Flavour::DesktopCore33) else {
+        return;
     };
-    let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
-    assert_eq!(gpu.caps().flavour, Flavour::DesktopCore33);
-    let by_osmesa = scene(&gpu);
-    if gpu.caps().renderer.split(' ').next() != renderer.split(' ').next() {
-        println!(
-            "SKIPPED: EGL draws with {renderer}, OSMesa with {}",
-            gpu.caps().renderer
-        );
+    if egl_renderer.split(' ').next() != osmesa_renderer.split(' ').next() {
+        skip(&format!(
+            "EGL draws with {egl_renderer}, OSMesa with {osmesa_renderer}"
+        ));
         return;
     }
     let background = [26, 51, 77, 255];
@@ -133,10 +127,7 @@ fn osmesa_and_egl_draw_the_same_picture() {
 
 #[test]
 fn a_headless_screen_counts_what_it_is_shown() {
-    let Ok(mut screen) = screen::surfaceless::open(WIDTH, HEIGHT) else {
-        println!("SKIPPED: no EGL here");
-        return;
-    };
+    let mut screen = support::headless_screen(WIDTH, HEIGHT);
     let first = screen.present().unwrap();
     let second = screen.present().unwrap();
     assert_eq!((first.sequence, second.sequence), (1, 2));
@@ -192,10 +183,7 @@ fn pixel(pixels: &[u8], x: u32, y: u32) -> [u8; 4] {
 
 #[test]
 fn a_triangle_is_where_it_was_drawn_with_the_top_row_first() {
-    let Some((_screen, gpu)) = headless() else {
-        return;
-    };
-    assert_eq!(gpu.caps().flavour, Flavour::Es3);
+    let (_screen, gpu) = headless();
     let pixels = triangle(&gpu, 0);
     for y in 0..HEIGHT {
         for x in 0..WIDTH {
@@ -217,11 +205,9 @@ fn a_triangle_is_where_it_was_drawn_with_the_top_row_first() {
 
 #[test]
 fn multisampling_smooths_the_edge_and_nothing_else() {
-    let Some((_screen, gpu)) = headless() else {
-        return;
-    };
+    let (_screen, gpu) = headless();
     if gpu.caps().samples_max < 4 {
-        println!("SKIPPED: {} has no multisampling", gpu.caps().renderer);
+        skip(&format!("{} has no multisampling", gpu.caps().renderer));
         return;
     }
     let pixels = triangle(&gpu, 4);
@@ -239,9 +225,7 @@ fn multisampling_smooths_the_edge_and_nothing_else() {
 
 #[test]
 fn integer_texels_arrive_exactly() {
-    let Some((_screen, gpu)) = headless() else {
-        return;
-    };
+    let (_screen, gpu) = headless();
     // Each texel of a WIDTH x HEIGHT texture holds its own column and 65535 less its row; the shader compares.
     let texels: Vec<u16> = (0..HEIGHT)
         .flat_map(|y| (0..WIDTH).map(move |x| (x, y)))
@@ -293,9 +277,7 @@ fn integer_texels_arrive_exactly() {
 
 #[test]
 fn a_shader_that_does_not_compile_is_named_with_the_drivers_log() {
-    let Some((_screen, gpu)) = headless() else {
-        return;
-    };
+    let (_screen, gpu) = headless();
     let error = Program::new(&gpu, "broken", VERT, "void main() { missing = 1.0; }").unwrap_err();
     let GlError::Shader { name, stage, log } = &error else {
         panic!("{error}");
@@ -306,9 +288,7 @@ fn a_shader_that_does_not_compile_is_named_with_the_drivers_log() {
 
 #[test]
 fn impossible_sizes_are_refused_with_the_limit() {
-    let Some((_screen, gpu)) = headless() else {
-        return;
-    };
+    let (_screen, gpu) = headless();
     let limit = gpu.caps().texture_size_max;
     let error = Target::offscreen(&gpu, limit + 1, 8, 0).unwrap_err();
     assert!(error.to_string().contains(&limit.to_string()), "{error}");

@@ -1,6 +1,8 @@
 //! The display controller itself: needs a card with a connected display that nobody holds, as in the guest; elsewhere
 //! every test says SKIPPED.
 //!
+//! Where a display is known to be there, set `GLASSWING_TEST_KMS=1`: then a missing one is a failure.
+//!
 //! For a look at the glass from outside: with `GLASSWING_TEST_PICTURE=FILE.png` set, the picture that must be on the
 //! display is written there; with `GLASSWING_TEST_HOLD_S=N` it then stays for N seconds, after the word HOLDING.
 #![cfg(feature = "kms")]
@@ -10,7 +12,9 @@
     clippy::panic,
     reason = "a test fails by panicking"
 )]
-#![expect(clippy::print_stdout, reason = "a skipped test says so")]
+#![expect(clippy::print_stdout, reason = "said to whoever looks at the glass")]
+
+mod support;
 
 use std::rc::Rc;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -22,6 +26,7 @@ use glasswing::gl::program::Program;
 use glasswing::gl::target::Target;
 use glasswing::screen::kms::{self, Kms};
 use glasswing::screen::{self, Flip, Screen, ScreenError, Wishes};
+use glasswing::time::Monotonic;
 
 /// One display, many tests.
 static DISPLAY: Mutex<()> = Mutex::new(());
@@ -32,6 +37,7 @@ fn display() -> MutexGuard<'static, ()> {
 
 /// The display, or a plain word on why the test cannot run here.
 fn open(wishes: &Wishes) -> Option<Kms> {
+    let required = std::env::var_os("GLASSWING_TEST_KMS").is_some();
     match kms::open(wishes) {
         Ok(kms) => {
             println!("on {}", kms.describe());
@@ -41,8 +47,8 @@ fn open(wishes: &Wishes) -> Option<Kms> {
             error @ (ScreenError::NoDisplay { .. }
             | ScreenError::Denied { .. }
             | ScreenError::Held { .. }),
-        ) => {
-            println!("SKIPPED: no display here: {error}");
+        ) if !required => {
+            support::skip(&format!("no display here: {error}"));
             None
         }
         Err(error) => panic!("{error}"),
@@ -148,6 +154,7 @@ fn thirty_frames_are_flipped_in_order_and_the_last_one_stays() {
     assert!(!kms.is_headless());
     let mut flips: Vec<Flip> = Vec::with_capacity(30);
     let mut shown = vec![0; (width * height * 4) as usize];
+    let mut presenting = Duration::ZERO;
     {
         let gpu = Gpu::new(&|name| kms.gl_proc(name)).unwrap();
         println!("GL {} on {}", gpu.caps().version, gpu.caps().renderer);
@@ -158,7 +165,10 @@ fn thirty_frames_are_flipped_in_order_and_the_last_one_stays() {
             if frame == 29 {
                 window.read_rgba(&mut shown);
             }
+            gpu.finish();
+            let drawn = Monotonic::read();
             flips.push(kms.present().unwrap());
+            presenting += Monotonic::read().since(drawn).unwrap();
         }
         if let Ok(seconds) = std::env::var("GLASSWING_TEST_HOLD_S") {
             if let Ok(path) = std::env::var("GLASSWING_TEST_PICTURE") {
@@ -175,7 +185,9 @@ fn thirty_frames_are_flipped_in_order_and_the_last_one_stays() {
     }
     let missed: u32 = flips.iter().map(|flip| flip.missed).sum();
     let took = flips[29].at.since(flips[0].at).unwrap();
-    println!("29 flips took {took:?}, {missed} refreshes missed");
+    println!(
+        "29 flips took {took:?}, {missed} refreshes missed; 30 calls of present took {presenting:?}"
+    );
     drop(kms);
     let expected = expected(width, height, BAR);
     assert_eq!(
@@ -183,6 +195,24 @@ fn thirty_frames_are_flipped_in_order_and_the_last_one_stays() {
         0,
         "pixels differ from headless"
     );
+}
+
+#[test]
+fn frames_never_come_faster_than_the_display_can_show_them() {
+    let _one = display();
+    let Some(mut kms) = open(&Wishes::default()) else {
+        return;
+    };
+    let first = kms.present().unwrap();
+    for _ in 0..20 {
+        kms.present().unwrap();
+    }
+    let last = kms.present().unwrap();
+    let took = last.at.since(first.at).unwrap();
+    println!("21 empty frames took {took:?}");
+    // 75 Hz is the quickest of the virtual displays, 144 Hz of usual ones: 21 frames of 144 Hz take 146 ms. Without a
+    // pace they would be there in a few.
+    assert!(took > Duration::from_millis(140), "{took:?}");
 }
 
 #[test]
@@ -221,6 +251,17 @@ fn a_display_that_is_held_is_refused_with_what_to_do() {
     println!("{line}");
     drop(kms);
     assert!(open(&Wishes::default()).is_some(), "given up, it is free");
+}
+
+#[test]
+fn a_headless_screen_leaves_the_display_to_others() {
+    let _one = display();
+    let headless = screen::surfaceless::open(64, 64).unwrap();
+    let Some(kms) = open(&Wishes::default()) else {
+        return;
+    };
+    drop(kms);
+    drop(headless);
 }
 
 #[test]

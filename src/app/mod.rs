@@ -1,13 +1,24 @@
 //! Composition: the command line, the board file, the threads and the frame loop.
 
+pub mod board;
+pub mod check;
+pub mod cli;
+pub mod cockpit;
+pub mod contact;
+pub mod decode;
 pub mod error;
+pub mod figures;
+pub mod flight;
+pub mod fly;
+pub mod frames;
+pub mod health;
+pub mod intake;
+pub mod list;
+pub mod picture;
+pub mod run;
 pub mod shot;
+pub mod sources;
 pub mod terrain;
 
+pub use cli::main;
 pub use error::{Failure, Kind};
-
-/// Runs the program on the process's own arguments.
-#[must_use]
-pub fn main() -> std::process::ExitCode {
-    std::process::ExitCode::SUCCESS
-}

@@ -10,6 +10,7 @@ use crate::terrain::bake::{self, BakeError, Heights, Seam};
 use crate::terrain::codec::{SurfaceKind, Tile};
 use crate::terrain::height::{GroundReader, HeightError};
 use crate::terrain::pack::{Bounds, Pack, PackInfo, TileReader};
+use crate::terrain::synth;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::error::Error as _;
@@ -30,6 +31,12 @@ pub enum TerrainCommand {
         after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack"
     )]
     Bake(BakeArgs),
+    /// Make the demo terrain: an alpine valley that exists nowhere.
+    ///
+    /// 89 x 91 km with a flat valley floor near 600 m, side valleys, peaks to 3200 m, a lake and an airfield. The same seed
+    /// gives the same bytes on every machine.
+    #[command(after_help = "Example:\n  glasswing terrain synth --out valley.pack")]
+    Synth(SynthArgs),
     /// Show what is in a pack.
     #[command(after_help = "Example:\n  glasswing terrain info bohemia.pack")]
     Info(PackArgs),
@@ -74,6 +81,17 @@ pub enum HeightsArg {
     Ellipsoidal,
 }
 
+/// Arguments of `terrain synth`.
+#[derive(Debug, clap::Args)]
+pub struct SynthArgs {
+    /// The pack to write.
+    #[arg(long, value_name = "PACK")]
+    out: PathBuf,
+    /// Another valley for every number.
+    #[arg(long, value_name = "N", default_value_t = synth::SEED)]
+    seed: u64,
+}
+
 /// Arguments of `terrain info` and `terrain verify`.
 #[derive(Debug, clap::Args)]
 pub struct PackArgs {
@@ -107,6 +125,7 @@ pub struct HeightArgs {
 pub fn run(command: TerrainCommand) -> Result<(), Failure> {
     match command {
         TerrainCommand::Bake(args) => bake(&args),
+        TerrainCommand::Synth(args) => synth(&args),
         TerrainCommand::Info(args) => info(&args),
         TerrainCommand::Verify(args) => verify(&args),
         TerrainCommand::Height(args) => height(&args),
@@ -180,6 +199,36 @@ fn bake(args: &BakeArgs) -> Result<(), Failure> {
     Ok(())
 }
 
+fn synth(args: &SynthArgs) -> Result<(), Failure> {
+    let info = synthesise(&args.out, args.seed)?;
+    println!("{}: {}", args.out.display(), summary(&info));
+    Ok(())
+}
+
+/// Writes the demo terrain of a seed, with a progress bar where stderr is a terminal.
+///
+/// # Errors
+/// If the pack cannot be written.
+pub fn synthesise(out: &Path, seed: u64) -> Result<PackInfo, Failure> {
+    let bar = progress_bar();
+    let made = synth::bake(seed, out, jobs(None), &mut |done, all| {
+        bar.set_length(all as u64);
+        bar.set_position(done as u64);
+    });
+    bar.finish_and_clear();
+    made.map_err(|why| cannot_write(out, why))
+}
+
+fn cannot_write(path: &Path, why: std::io::Error) -> Failure {
+    Failure::new(
+        Kind::Other,
+        path.display(),
+        "the pack cannot be written",
+        "check the folder, its permissions and the space left",
+    )
+    .caused_by(why)
+}
+
 fn jobs(asked: Option<NonZeroUsize>) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     asked.map_or_else(cores, NonZeroUsize::get)
@@ -187,7 +236,7 @@ fn jobs(asked: Option<NonZeroUsize>) -> usize {
 
 fn progress_bar() -> ProgressBar {
     // indicatif draws on stderr, and nothing where that is no terminal.
-    let style = ProgressStyle::with_template("{wide_bar} {pos} of {len} degree cells, {eta} left");
+    let style = ProgressStyle::with_template("{wide_bar} {pos} of {len}, {eta} left");
     ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
@@ -227,13 +276,7 @@ fn bake_failure(error: BakeError) -> Failure {
             &error,
             "give the region as S,W,N,E in degrees, south and west negative",
         ),
-        BakeError::Output(path, why) => Failure::new(
-            Kind::Other,
-            path.display(),
-            "the pack cannot be written",
-            "check the folder, its permissions and the space left",
-        )
-        .caused_by(why),
+        BakeError::Output(path, why) => cannot_write(&path, why),
         BakeError::Stopped => Failure::new(
             Kind::Other,
             "terrain bake",

@@ -1,1 +1,17 @@
-//! To be written.
+//! What the pilot is told: flight state, pilot settings and configuration in, one [`Model`] out.
+//!
+//! Pure and without memory: the same inputs give the same model. It decides for every field whether there is a value,
+//! which one (with its label), and else why not; it never draws. Feet, knots and degrees of arc appear here for the first
+//! time, through [`format`], and the text of numbers is made only there.
+
+pub mod atmosphere;
+pub mod colour;
+pub mod format;
+mod model;
+mod ui;
+
+pub use model::{
+    Airspeed, AirspeedKind, Altitude, AltitudeKind, BaroBox, CameraHeight, CameraInputs, Heading,
+    Model, North, PitchRoll, Slip, SvsOff,
+};
+pub use ui::{BaroSetting, BaroUnit, Config, Terrain, Ui, VSpeeds};

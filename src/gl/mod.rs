@@ -22,6 +22,7 @@ pub mod sky;
 pub mod target;
 pub mod terrain;
 pub mod texture;
+pub mod vector;
 
 use std::ffi::{CStr, c_char, c_void};
 use std::rc::Rc;

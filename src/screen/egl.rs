@@ -4,9 +4,11 @@
 //! Drivers that report EGL 1.4 (softpipe) are served too: displays come from the extension's entry point.
 
 use std::ffi::{CStr, c_void};
+use std::os::fd::{BorrowedFd, RawFd};
 use std::sync::OnceLock;
 
 use khronos_egl as egl;
+use rustix::ioctl::{NoArg, Opcode, ioctl};
 
 use super::ScreenError;
 
@@ -51,7 +53,10 @@ impl Context {
         // SAFETY: this platform's native display is EGL_DEFAULT_DISPLAY, null.
         let display =
             unsafe { platform_display(api, platform, PLATFORM_SURFACELESS, std::ptr::null_mut())? };
-        let config = initialize(api, platform, display).and_then(|()| {
+        let open_before = cards_open();
+        let initialized = initialize(api, platform, display);
+        give_up_control(&open_before);
+        let config = initialized.and_then(|()| {
             let wanted = [
                 egl::SURFACE_TYPE,
                 egl::PBUFFER_BIT,
@@ -236,6 +241,41 @@ fn initialize(api: &Api, platform: &str, display: egl::Display) -> Result<(), Sc
         .map_err(|e| refused(platform, "initialising the display", e))?;
     tracing::debug!(platform, ?version, "EGL display");
     Ok(())
+}
+
+/// The file descriptors of this process that are open on a card (not on its render node).
+fn cards_open() -> Vec<RawFd> {
+    let Ok(entries) = std::fs::read_dir("/proc/self/fd") else {
+        return Vec::new();
+    };
+    entries
+        .filter_map(Result::ok)
+        .filter(|entry| {
+            std::fs::read_link(entry.path())
+                .is_ok_and(|to| to.to_string_lossy().starts_with("/dev/dri/card"))
+        })
+        .filter_map(|entry| entry.file_name().to_str()?.parse().ok())
+        .collect()
+}
+
+/// Gives up control of cards opened since `before`. Where there is no GPU to render with, Mesa opens the card itself to
+/// draw by software, and keeps it open; whoever opens a free card first controls the display, and a program that draws
+/// for nobody to see must not.
+fn give_up_control(before: &[RawFd]) {
+    /// `DRM_IOCTL_DROP_MASTER`, `_IO('d', 0x1f)`.
+    const DROP_MASTER: Opcode = 0x641F;
+    for fd in cards_open() {
+        if before.contains(&fd) {
+            continue;
+        }
+        // SAFETY: EGL has just opened it and keeps it open as long as its display.
+        let card = unsafe { BorrowedFd::borrow_raw(fd) };
+        // SAFETY: the request takes no argument.
+        let request = unsafe { NoArg::<DROP_MASTER>::new() };
+        // SAFETY: DROP_MASTER has no effect but the one named; it fails where we have no control.
+        let dropped = unsafe { ioctl(card, request) };
+        tracing::debug!(fd, ?dropped, "EGL opened a card; control given up");
+    }
 }
 
 fn create_context(

@@ -80,10 +80,6 @@ impl Api {
     }
 }
 
-#[expect(
-    clippy::needless_pass_by_value,
-    reason = "the shape that map_err wants"
-)]
 fn text(error: libloading::Error) -> String {
     error.to_string()
 }

@@ -1,0 +1,143 @@
+//! What board files may say, and how each slip is named.
+
+use super::*;
+
+fn load(text: &str) -> Result<Board, Vec<String>> {
+    let file = Path::new("test.toml");
+    let mut base = parse(file, BASE).map_err(|f| vec![f.to_string()])?;
+    merge(
+        &mut base,
+        parse(file, text).map_err(|f| vec![f.to_string()])?,
+    );
+    Board::from_table(file, base).map_err(|fs| fs.iter().map(ToString::to_string).collect())
+}
+
+#[test]
+fn the_base_board_is_valid() {
+    let board = Board::base().expect("boards/base.toml is valid");
+    assert_eq!(board.screen.kind, screen::Kind::Auto(Wishes::default()));
+    assert!(
+        board.sources.is_empty(),
+        "the base board listens to nothing"
+    );
+}
+
+#[test]
+fn sources_are_read_with_their_endpoints() {
+    let board = load(
+        r#"
+        [[source]]
+        name = "sim"
+        protocol = "fgfdm"
+        udp = "127.0.0.1:5500"
+        allow = ["127.0.0.1"]
+        [[source]]
+        name = "adahrs"
+        protocol = "canaerospace"
+        can = "can0"
+        "#,
+    )
+    .expect("valid");
+    assert_eq!(board.sources.len(), 2);
+    assert_eq!(
+        board.sources[1].endpoint,
+        Endpoint::Can {
+            interface: "can0".into()
+        }
+    );
+}
+
+/// Each slip with what its one line must hold.
+const SLIPS: &[(&str, &[&str])] = &[
+    (
+        "[view]\nhfov_rad = 1.0",
+        &["test.toml: view.hfov_rad: is an unknown key", "`hfov_deg`"],
+    ),
+    (
+        "[view]\nhfov_deg = \"60 deg\"",
+        &["view.hfov_deg: is a text, not a number", "from 2 to 120"],
+    ),
+    (
+        "[view]\nhfov_deg = 400",
+        &["view.hfov_deg: 400 is out of range"],
+    ),
+    (
+        "[view]\nhfov_deg = nan",
+        &["view.hfov_deg: NaN is out of range"],
+    ),
+    (
+        "[units]\npressure = \"psi\"",
+        &["units.pressure: `psi` is unknown", "hPa, inHg"],
+    ),
+    (
+        "[airspeeds]\nvne_kmh = 200",
+        &["airspeeds.vne_kmh: is an unknown key", "`vne_kt`"],
+    ),
+    (
+        "[airspeeds]\nvs1_kt = 50\nvno_kt = 40",
+        &["airspeeds.vno_kt: 40 kt is less than vs1_kt"],
+    ),
+    ("colour = 1", &["colour: is an unknown key"]),
+    (
+        "[screen]\nsize_px = \"big\"",
+        &["screen.size_px: `big` is no size"],
+    ),
+    (
+        "[terrain]\nvertices = 128",
+        &["terrain.vertices: 128 is not offered", "[127, 191, 255]"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"",
+        &["source[0]: has no endpoint"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"smoke\"\nudp = \"127.0.0.1:1\"",
+        &[
+            "source[0].protocol: `smoke` is unknown",
+            "fgfdm, canaerospace",
+        ],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = \"nowhere\"",
+        &["source[0].udp: `nowhere` is not understood", "ADDRESS:PORT"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\ncan = \"can0\"",
+        &["source[0].protocol: does not come over that bus"],
+    ),
+    ("screen = 3", &["screen: is a whole number", "[screen]"]),
+    ("[view", &["test.toml:1:"]),
+];
+
+#[test]
+fn every_slip_is_one_line_that_names_the_key() {
+    for (text, expected) in SLIPS {
+        let problems = load(text).expect_err(text);
+        for part in *expected {
+            assert!(
+                problems.iter().any(|p| p.contains(part)),
+                "{text}: {part} not in {problems:?}"
+            );
+        }
+        for p in problems {
+            assert!(!p.contains('\n'), "{p:?} is more than one line");
+        }
+    }
+}
+
+#[test]
+fn all_slips_are_found_in_one_go() {
+    let problems = load("[view]\nhfov_deg = 0\n[units]\npressure = \"x\"\n[input]\nknobs = 1")
+        .expect_err("three");
+    assert_eq!(problems.len(), 3, "{problems:?}");
+}
+
+#[test]
+fn two_sources_of_one_name_are_refused() {
+    let one = "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = \"127.0.0.1:1\"\n";
+    let problems = load(&one.repeat(2)).expect_err("the same name twice");
+    assert!(
+        problems[0].contains("`a` is the name of two sources"),
+        "{problems:?}"
+    );
+}

@@ -1,0 +1,324 @@
+//! The picture of one frame: from a flight state to pixels in a target.
+//!
+//! Owns everything that draws: terrain, sky, instruments, and the pilot's settings. After construction nothing here
+//! allocates.
+
+use crate::app::board::{Board, PressureUnit};
+use crate::app::error::{Failure, Kind};
+use crate::app::fly;
+use crate::app::picture::Size;
+use crate::bus::input::Action;
+use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
+use crate::draw::atlas::{Atlas, AtlasError};
+use crate::draw::{self, DrawList, Layout};
+use crate::geo::{Camera, Geodetic};
+use crate::gl::sky::SkyRenderer;
+use crate::gl::target::Target;
+use crate::gl::terrain::{Look, TerrainError, TerrainRenderer};
+use crate::gl::vector::VectorRenderer;
+use crate::gl::{GlError, Gpu};
+use crate::screen::{self, Screen};
+use crate::state::FlightState;
+use crate::terrain::clipmap::Shape;
+use crate::terrain::pack::Pack;
+use crate::terrain::scene::Settings;
+use crate::time::Monotonic;
+use crate::units::{HECTOPASCALS_PER_INCH_OF_MERCURY, Hectopascals, Metres};
+use std::path::Path;
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// A level whose cells are all smaller than this many pixels is not drawn: it would cost triangles that nobody can see.
+const CELL_PIXELS_MIN: f64 = 1.0;
+
+/// What one frame did.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Drawn {
+    /// Terrain triangles.
+    pub triangles: u64,
+    /// Draw calls of terrain, sky and instruments.
+    pub draw_calls: u32,
+    /// Bytes sent to the GPU for terrain.
+    pub upload_bytes: u64,
+    /// Height samples sent to the GPU.
+    pub upload_texels: u64,
+    /// Bytes of terrain held for the GPU.
+    pub resident_bytes: u64,
+    /// Whether terrain was in the picture.
+    pub terrain_shown: bool,
+    /// Whether every wanted level of terrain was there.
+    pub terrain_settled: bool,
+    /// Whether the instruments did not fit the draw list: a defect.
+    pub list_overflowed: bool,
+    /// Time of our own work on state, model and draw list, without GL.
+    pub own_time: Duration,
+}
+
+/// Everything that draws.
+#[derive(Debug)]
+pub struct Cockpit {
+    size: Size,
+    target: Target,
+    window: Option<Target>,
+    vector: VectorRenderer,
+    sky: SkyRenderer,
+    terrain: Option<Ground>,
+    atlas: Atlas,
+    layout: Layout,
+    list: DrawList,
+    config: Config,
+    quota_texels: usize,
+    /// The pilot's settings.
+    pub ui: Ui,
+    gpu: Rc<Gpu>,
+}
+
+#[derive(Debug)]
+struct Ground {
+    renderer: TerrainRenderer,
+    pack: Arc<Pack>,
+}
+
+impl Cockpit {
+    /// Makes everything that draws on `screen`, as the board says, with terrain if there is a pack.
+    ///
+    /// # Errors
+    /// When the GPU refuses something.
+    pub fn new(screen: &dyn Screen, board: &Board, pack: Option<Pack>) -> Result<Self, Failure> {
+        let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gl_failed(screen, e))?;
+        let (width, height) = screen.size_px();
+        Self::on(&gpu, board, pack, width, height, screen.is_headless())
+            .map_err(|e| gl_failed(screen, e))
+    }
+
+    fn on(
+        gpu: &Rc<Gpu>,
+        board: &Board,
+        pack: Option<Pack>,
+        width: u32,
+        height: u32,
+        headless: bool,
+    ) -> Result<Self, MakeError> {
+        let atlas = Atlas::build()?;
+        let terrain = pack
+            .map(|pack| {
+                let pack = Arc::new(pack);
+                let settings = Settings {
+                    shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
+                    cell_pixels_min: CELL_PIXELS_MIN,
+                };
+                let renderer = TerrainRenderer::new(gpu, settings, Arc::clone(&pack))?;
+                Ok::<_, MakeError>(Ground { renderer, pack })
+            })
+            .transpose()?;
+        Ok(Self {
+            size: Size {
+                width_px: width,
+                height_px: height,
+            },
+            target: Target::offscreen(gpu, width, height, board.screen.samples)?,
+            window: (!headless).then(|| Target::window(gpu, width, height)),
+            vector: VectorRenderer::new(gpu, &atlas)?,
+            sky: SkyRenderer::new(gpu)?,
+            terrain,
+            atlas,
+            layout: Layout::new(width, height),
+            list: DrawList::new(),
+            config: config(board),
+            quota_texels: board.terrain.upload_texels_per_frame as usize,
+            ui: Ui::default(),
+            gpu: Rc::clone(gpu),
+        })
+    }
+
+    /// One line for logs: what draws.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        self.gpu.caps().renderer.clone()
+    }
+
+    /// Draws what `state` says at `now`, ready to be presented or read back.
+    pub fn draw(&mut self, state: &FlightState, now: Monotonic) -> Drawn {
+        let started = Monotonic::read();
+        let mut drawn = Drawn::default();
+        // Terrain can only load where a camera asks for it: ask as if it were there, then say what there is.
+        self.ui.terrain = if self.terrain.is_some() {
+            Terrain::Ready
+        } else {
+            Terrain::NoPack
+        };
+        let mut model = Model::build(state, &self.ui, &self.config, now);
+        let camera = self.camera(&model);
+        let mut own = Monotonic::read().since(started).unwrap_or_default();
+
+        self.target.bind();
+        self.gpu.clear([0.0, 0.0, 0.0, 1.0]);
+        if let (Some(camera), Some(ground)) = (camera, &mut self.terrain) {
+            self.ui.terrain =
+                show_terrain(ground, &self.sky, &camera, self.quota_texels, &mut drawn);
+            if self.ui.terrain != Terrain::Ready {
+                model = Model::build(state, &self.ui, &self.config, now);
+            }
+        }
+        let listing = Monotonic::read();
+        draw::draw(&model, &self.layout, &self.atlas, &mut self.list);
+        own += Monotonic::read().since(listing).unwrap_or_default();
+        self.vector
+            .draw(&self.list, self.size.width_px, self.size.height_px);
+        drawn.draw_calls += 1;
+        self.target.resolve();
+        if let Some(window) = &self.window {
+            self.target.copy_to(window);
+        }
+        drawn.list_overflowed = self.list.left_out() > 0;
+        drawn.own_time = own;
+        drawn
+    }
+
+    /// The camera of synthetic vision, if everything that it needs may be shown.
+    fn camera(&self, model: &Model) -> Option<Camera> {
+        let inputs = model.svs.ok()?;
+        let ground = self.terrain.as_ref()?;
+        let (latitude, longitude) = (inputs.latitude, inputs.longitude);
+        let height_ellipsoid = match inputs.height {
+            CameraHeight::Ellipsoid(height) => height,
+            // Outside the geoid of the pack there is no terrain either.
+            CameraHeight::MeanSeaLevel(altitude) => {
+                altitude + Metres(ground.pack.geoid().undulation_m(latitude, longitude)?)
+            }
+        };
+        let camera = Camera {
+            eye: Geodetic {
+                latitude,
+                longitude,
+                height_ellipsoid,
+            },
+            attitude: inputs.attitude,
+            hfov: self.config.hfov,
+            width_px: self.size.width_px,
+            height_px: self.size.height_px,
+        };
+        camera.is_valid().then_some(camera)
+    }
+
+    /// Takes in what the pilot did.
+    pub fn act(&mut self, action: Action) {
+        let unit_hpa = match self.config.baro_unit {
+            BaroUnit::Hectopascals => 1.0,
+            BaroUnit::InchesOfMercury => 0.01 * HECTOPASCALS_PER_INCH_OF_MERCURY,
+        };
+        match action {
+            Action::BaroStandard => self.ui.baro_standard = !self.ui.baro_standard,
+            Action::BaroSteps(steps) => {
+                self.ui.baro_standard = false;
+                // Whole units, so that the number shown is the number used; at the end of the range the knob does nothing.
+                let wanted = (self.ui.baro.pressure().0 / unit_hpa).round() + f64::from(steps);
+                if let Some(setting) = BaroSetting::new(Hectopascals(wanted * unit_hpa)) {
+                    self.ui.baro = setting;
+                }
+            }
+        }
+    }
+
+    /// Reads the picture last drawn: RGBA rows, top row first, of the screen's size. Waits for the GPU.
+    pub fn read_rgba(&self, pixels: &mut [u8]) {
+        self.target.read_rgba(pixels);
+    }
+}
+
+/// Draws terrain and sky, and says what the display is to say of it.
+fn show_terrain(
+    ground: &mut Ground,
+    sky: &SkyRenderer,
+    camera: &Camera,
+    quota_texels: usize,
+    drawn: &mut Drawn,
+) -> Terrain {
+    let Ok(figures) = ground.renderer.frame(camera, quota_texels, &Look::FLIGHT) else {
+        return Terrain::Loading;
+    };
+    drawn.triangles = figures.triangles as u64;
+    drawn.draw_calls += u32::try_from(figures.draw_calls).unwrap_or(u32::MAX);
+    drawn.upload_bytes = figures.uploads_bytes as u64;
+    drawn.upload_texels = figures.uploads_texels as u64;
+    drawn.resident_bytes = figures.resident_bytes as u64;
+    drawn.terrain_settled = figures.settled;
+    if figures.levels.is_none() {
+        return Terrain::Loading;
+    }
+    let bounds = ground.pack.info().bounds;
+    let (lat, lon) = (
+        camera.eye.latitude.to_degrees(),
+        camera.eye.longitude.to_degrees(),
+    );
+    if !(bounds.south_deg..=bounds.north_deg).contains(&lat)
+        || !(bounds.west_deg..=bounds.east_deg).contains(&lon)
+    {
+        return Terrain::Outside;
+    }
+    sky.draw(camera);
+    drawn.draw_calls += 1;
+    drawn.terrain_shown = true;
+    Terrain::Ready
+}
+
+fn config(board: &Board) -> Config {
+    let marks = &board.airspeeds;
+    Config {
+        baro_unit: match board.pressure {
+            PressureUnit::Hectopascals => BaroUnit::Hectopascals,
+            PressureUnit::InchesOfMercury => BaroUnit::InchesOfMercury,
+        },
+        v_speeds: VSpeeds {
+            vs0: marks.vs0,
+            vs1: marks.vs1,
+            vfe: marks.vfe,
+            vno: marks.vno,
+            vne: marks.vne,
+        },
+        hfov: board.hfov,
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+enum MakeError {
+    #[error(transparent)]
+    Gl(#[from] GlError),
+    #[error(transparent)]
+    Terrain(#[from] TerrainError),
+    #[error(transparent)]
+    Atlas(#[from] AtlasError),
+    #[error("no level has that many vertices")]
+    Shape,
+}
+
+fn gl_failed(screen: &dyn Screen, e: impl std::error::Error + Send + Sync + 'static) -> Failure {
+    Failure::new(
+        Kind::Device,
+        screen.describe(),
+        "cannot be drawn on",
+        "OpenGL ES 3.0 is needed; `glasswing list` says what there is",
+    )
+    .caused_by(e)
+}
+
+/// Opens the screen that the board wishes for.
+///
+/// # Errors
+/// When there is none such, or it refuses.
+pub fn open_screen(board: &Board) -> Result<Box<dyn Screen>, Failure> {
+    let size = (board.screen.size.width_px, board.screen.size.height_px);
+    screen::open(&board.screen.kind, size).map_err(|e| fly::screen_failed(&e))
+}
+
+/// Opens a pack.
+///
+/// # Errors
+/// When it is missing or damaged.
+pub fn open_pack(path: &Path) -> Result<Pack, Failure> {
+    Pack::open(path).map_err(|e| {
+        let remedy = e.remedy();
+        Failure::new(Kind::Input, path.display(), &e, remedy).caused_by(e)
+    })
+}

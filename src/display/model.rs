@@ -1,0 +1,587 @@
+//! The model: for every field of the display a value with its label, or why there is none.
+
+use super::atmosphere::indicated_altitude;
+use super::format;
+use super::ui::{BaroSetting, BaroUnit, Config, Terrain, Ui, VSpeeds};
+use crate::geo::Attitude;
+use crate::sampled::Invalid;
+use crate::signal::Parameter as P;
+use crate::state::FlightState;
+use crate::time::Monotonic;
+use crate::units::{Degrees, Feet, FeetPerMinute, Hectopascals, Knots, Metres, Radians};
+
+/// Pitch and roll.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PitchRoll {
+    /// Nose up positive, -pi/2 to pi/2.
+    pub pitch: Radians,
+    /// Right wing down positive, -pi to pi.
+    pub roll: Radians,
+}
+
+/// Slip or skid, as the ball of a turn coordinator shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slip {
+    /// How far the ball stands from the middle in widths of the ball, right positive: 0.1 g moves it by one width (SAE
+    /// AS6296), against the acceleration that is felt.
+    pub ball_widths: f64,
+}
+
+/// Which north a heading is from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum North {
+    /// Geographic.
+    True,
+    /// Magnetic.
+    Magnetic,
+}
+
+/// A heading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heading {
+    /// 0 <= heading < 360, clockwise from its north.
+    pub direction: Degrees,
+    /// From which north.
+    pub north: North,
+    /// Whether another source of heading was heard of and is not to be had.
+    pub reverted: bool,
+}
+
+/// Which airspeed it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AirspeedKind {
+    /// Indicated.
+    Indicated,
+    /// Calibrated.
+    Calibrated,
+}
+
+/// An airspeed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Airspeed {
+    /// Its value, never negative.
+    pub speed: Knots,
+    /// Which one it is.
+    pub kind: AirspeedKind,
+    /// Whether a better one was heard of and is not to be had.
+    pub reverted: bool,
+}
+
+/// Which altitude it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AltitudeKind {
+    /// Pressure altitude corrected with the pilot's setting.
+    PilotBaro,
+    /// Corrected by its source with the source's setting.
+    SourceBaro,
+    /// Geometric, above mean sea level: no barometric altitude.
+    Geometric,
+}
+
+/// An altitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Altitude {
+    /// Its value.
+    pub altitude: Feet,
+    /// Which one it is.
+    pub kind: AltitudeKind,
+    /// Whether a better one was heard of and is not to be had.
+    pub reverted: bool,
+}
+
+/// What the box of the barometric setting says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BaroBox {
+    /// The pilot's setting, which is in use (or would be, when there is no altitude).
+    Pilot(Hectopascals),
+    /// The standard setting, chosen by the pilot.
+    Standard,
+    /// The setting that the source of the altitude uses, or why it is not known.
+    Source(Result<Hectopascals, Invalid>),
+    /// The altitude is geometric: no setting applies.
+    Geometric,
+}
+
+/// The height of the eye, as it was received.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CameraHeight {
+    /// Above the WGS 84 ellipsoid.
+    Ellipsoid(Metres),
+    /// Above mean sea level; the geoid's undulation is to be added.
+    MeanSeaLevel(Metres),
+}
+
+/// What a camera for synthetic vision needs, all valid now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraInputs {
+    /// Geodetic, north positive.
+    pub latitude: Radians,
+    /// East positive.
+    pub longitude: Radians,
+    /// The eye's height.
+    pub height: CameraHeight,
+    /// How the aircraft lies.
+    pub attitude: Attitude,
+}
+
+/// Why no terrain is shown: the first thing that is missing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SvsOff {
+    /// Pitch or roll.
+    Attitude(Invalid),
+    /// True heading.
+    HeadingTrue(Invalid),
+    /// Latitude or longitude.
+    Position(Invalid),
+    /// Both heights.
+    Height(Invalid),
+    /// The terrain itself; never `Terrain::Ready`.
+    Terrain(Terrain),
+}
+
+impl SvsOff {
+    /// What the annunciation says.
+    #[must_use]
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Attitude(_) => "NO ATTITUDE",
+            Self::HeadingTrue(_) => "NO TRUE HDG",
+            Self::Position(_) => "NO POSITION",
+            Self::Height(_) => "NO HEIGHT",
+            Self::Terrain(Terrain::Loading) => "LOADING",
+            Self::Terrain(Terrain::Outside) => "OUTSIDE DATA",
+            Self::Terrain(Terrain::NoPack | Terrain::Ready) => "NO TERRAIN",
+        }
+    }
+}
+
+/// Everything that the display shows, for one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    /// Pitch and roll; without them there is no horizon at all.
+    pub attitude: Result<PitchRoll, Invalid>,
+    /// The slip ball.
+    pub slip: Result<Slip, Invalid>,
+    /// True heading, else magnetic.
+    pub heading: Result<Heading, Invalid>,
+    /// Indicated airspeed, else calibrated.
+    pub airspeed: Result<Airspeed, Invalid>,
+    /// Altitude by the pilot's setting, else by the source's, else geometric.
+    pub altitude: Result<Altitude, Invalid>,
+    /// The setting that belongs to it.
+    pub baro: BaroBox,
+    /// Up positive.
+    pub vertical_speed: Result<FeetPerMinute, Invalid>,
+    /// Over the ground.
+    pub ground_speed: Result<Knots, Invalid>,
+    /// Over the ground, clockwise from true north, 0 <= track < 360.
+    pub track: Result<Degrees, Invalid>,
+    /// The camera of synthetic vision, or why the plain horizon is shown instead.
+    pub svs: Result<CameraInputs, SvsOff>,
+    /// Limiting speeds.
+    pub v_speeds: VSpeeds,
+    /// The unit of barometric settings.
+    pub baro_unit: BaroUnit,
+    /// Horizontal field of view of the whole picture.
+    pub hfov: Radians,
+}
+
+impl Model {
+    /// What the pilot is told at `now`.
+    #[must_use]
+    pub fn build(state: &FlightState, ui: &Ui, config: &Config, now: Monotonic) -> Self {
+        let attitude = attitude(state, now);
+        let altitude = altitude(state, ui, now);
+        Self {
+            attitude,
+            slip: state.read(P::LateralAcceleration, now).map(|g| Slip {
+                ball_widths: -g / 0.1,
+            }),
+            heading: heading(state, now),
+            airspeed: airspeed(state, now),
+            altitude,
+            baro: baro_box(altitude, state, ui, now),
+            vertical_speed: state
+                .speed(P::VerticalSpeed, now)
+                .map(format::feet_per_minute),
+            ground_speed: state.speed(P::GroundSpeed, now).map(format::knots),
+            track: state.angle(P::Track, now).map(format::direction),
+            svs: svs(attitude, state, ui, now),
+            v_speeds: config.v_speeds,
+            baro_unit: config.baro_unit,
+            hfov: config.hfov,
+        }
+    }
+}
+
+/// Of several reasons the one that the pilot should know first: disagreement, then failure, then age, then absence.
+fn gravest(a: Invalid, b: Invalid) -> Invalid {
+    let weight = |i| match i {
+        Invalid::Miscompare => 4,
+        Invalid::SourceFailed => 3,
+        Invalid::OutOfRange => 2,
+        Invalid::Stale => 1,
+        Invalid::NeverReceived => 0,
+    };
+    if weight(b) > weight(a) { b } else { a }
+}
+
+/// Both, or the gravest reason.
+fn both<A, B>(a: Result<A, Invalid>, b: Result<B, Invalid>) -> Result<(A, B), Invalid> {
+    match (a, b) {
+        (Ok(a), Ok(b)) => Ok((a, b)),
+        (Err(a), Err(b)) => Err(gravest(a, b)),
+        (Err(reason), Ok(_)) | (Ok(_), Err(reason)) => Err(reason),
+    }
+}
+
+/// The first choice that is valid, with its place in the list. Two sources that disagree end the search: a fallback would
+/// hide the disagreement.
+fn first_valid<T>(
+    choices: impl IntoIterator<Item = Result<T, Invalid>>,
+) -> Result<(T, bool), Invalid> {
+    let mut reason = Invalid::NeverReceived;
+    for choice in choices {
+        match choice {
+            Ok(value) => return Ok((value, reason != Invalid::NeverReceived)),
+            Err(Invalid::Miscompare) => return Err(Invalid::Miscompare),
+            Err(other) => reason = gravest(reason, other),
+        }
+    }
+    Err(reason)
+}
+
+fn attitude(state: &FlightState, now: Monotonic) -> Result<PitchRoll, Invalid> {
+    both(state.angle(P::Pitch, now), state.angle(P::Roll, now))
+        .map(|(pitch, roll)| PitchRoll { pitch, roll })
+}
+
+fn heading(state: &FlightState, now: Monotonic) -> Result<Heading, Invalid> {
+    let from = |parameter, north| state.angle(parameter, now).map(|angle| (angle, north));
+    let ((angle, north), reverted) = first_valid([
+        from(P::HeadingTrue, North::True),
+        from(P::HeadingMagnetic, North::Magnetic),
+    ])?;
+    Ok(Heading {
+        direction: format::direction(angle),
+        north,
+        reverted,
+    })
+}
+
+fn airspeed(state: &FlightState, now: Monotonic) -> Result<Airspeed, Invalid> {
+    let from = |parameter, kind| state.speed(parameter, now).map(|speed| (speed, kind));
+    let ((speed, kind), reverted) = first_valid([
+        from(P::IndicatedAirspeed, AirspeedKind::Indicated),
+        from(P::CalibratedAirspeed, AirspeedKind::Calibrated),
+    ])?;
+    Ok(Airspeed {
+        speed: format::knots(speed),
+        kind,
+        reverted,
+    })
+}
+
+/// The setting in use.
+fn setting(ui: &Ui) -> Hectopascals {
+    if ui.baro_standard {
+        BaroSetting::STANDARD.pressure()
+    } else {
+        ui.baro.pressure()
+    }
+}
+
+fn altitude(state: &FlightState, ui: &Ui, now: Monotonic) -> Result<Altitude, Invalid> {
+    let from = |parameter, kind| state.height(parameter, now).map(|height| (height, kind));
+    let ((height, kind), reverted) = first_valid([
+        from(P::PressureAltitude, AltitudeKind::PilotBaro)
+            .map(|(height, kind)| (indicated_altitude(height, setting(ui)), kind)),
+        from(P::BaroAltitude, AltitudeKind::SourceBaro),
+        from(P::AltitudeMsl, AltitudeKind::Geometric),
+    ])?;
+    Ok(Altitude {
+        altitude: format::feet(height),
+        kind,
+        reverted,
+    })
+}
+
+fn baro_box(
+    altitude: Result<Altitude, Invalid>,
+    state: &FlightState,
+    ui: &Ui,
+    now: Monotonic,
+) -> BaroBox {
+    match altitude.map(|a| a.kind) {
+        Ok(AltitudeKind::SourceBaro) => {
+            BaroBox::Source(state.read(P::BaroSetting, now).map(Hectopascals))
+        }
+        Ok(AltitudeKind::Geometric) => BaroBox::Geometric,
+        Ok(AltitudeKind::PilotBaro) | Err(_) if ui.baro_standard => BaroBox::Standard,
+        Ok(AltitudeKind::PilotBaro) | Err(_) => BaroBox::Pilot(ui.baro.pressure()),
+    }
+}
+
+fn svs(
+    attitude: Result<PitchRoll, Invalid>,
+    state: &FlightState,
+    ui: &Ui,
+    now: Monotonic,
+) -> Result<CameraInputs, SvsOff> {
+    let PitchRoll { pitch, roll } = attitude.map_err(SvsOff::Attitude)?;
+    let heading_true = state
+        .angle(P::HeadingTrue, now)
+        .map_err(SvsOff::HeadingTrue)?;
+    let (latitude, longitude) = both(
+        state.angle(P::Latitude, now),
+        state.angle(P::Longitude, now),
+    )
+    .map_err(SvsOff::Position)?;
+    let (height, _) = first_valid([
+        state
+            .height(P::HeightEllipsoid, now)
+            .map(CameraHeight::Ellipsoid),
+        state
+            .height(P::AltitudeMsl, now)
+            .map(CameraHeight::MeanSeaLevel),
+    ])
+    .map_err(SvsOff::Height)?;
+    if ui.terrain != Terrain::Ready {
+        return Err(SvsOff::Terrain(ui.terrain));
+    }
+    Ok(CameraInputs {
+        latitude,
+        longitude,
+        height,
+        attitude: Attitude {
+            heading_true,
+            pitch,
+            roll,
+        },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampled::Sampled;
+    use crate::signal::SourceId;
+    use crate::units::MetresPerSecond;
+
+    const T0: Monotonic = Monotonic::from_nanos(10_000_000_000);
+
+    fn with(values: &[(P, f64)]) -> FlightState {
+        let mut state = FlightState::empty();
+        for &(parameter, value) in values {
+            state.set(parameter, Sampled::good(value, T0), SourceId(0));
+        }
+        state
+    }
+
+    fn build(state: &FlightState, ui: &Ui) -> Model {
+        Model::build(state, ui, &Config::default(), T0)
+    }
+
+    fn fault(state: &mut FlightState, parameter: P, reason: Invalid) {
+        state.set(parameter, Sampled::fault(reason, T0), SourceId(0));
+    }
+
+    const FLYING: &[(P, f64)] = &[
+        (P::Pitch, 0.05),
+        (P::Roll, -0.1),
+        (P::HeadingTrue, 1.0),
+        (P::Latitude, 0.87),
+        (P::Longitude, 0.25),
+        (P::AltitudeMsl, 900.0),
+    ];
+
+    fn ready() -> Ui {
+        Ui {
+            terrain: Terrain::Ready,
+            ..Ui::default()
+        }
+    }
+
+    #[test]
+    fn nothing_heard_shows_nothing() {
+        let m = build(&FlightState::empty(), &ready());
+        assert_eq!(m.attitude, Err(Invalid::NeverReceived));
+        assert_eq!(m.airspeed, Err(Invalid::NeverReceived));
+        assert_eq!(m.altitude, Err(Invalid::NeverReceived));
+        assert_eq!(m.heading, Err(Invalid::NeverReceived));
+        assert_eq!(m.svs, Err(SvsOff::Attitude(Invalid::NeverReceived)));
+    }
+
+    #[test]
+    fn altitude_follows_the_pilots_setting() {
+        let state = with(&[
+            (P::PressureAltitude, 1000.0),
+            (P::BaroAltitude, 5.0),
+            (P::AltitudeMsl, 7.0),
+        ]);
+        // 954.61 hPa stands at 500 m (U.S. Standard Atmosphere 1976, table I).
+        let mut ui = Ui {
+            baro: BaroSetting::new(Hectopascals(954.61)).unwrap_or(BaroSetting::STANDARD),
+            ..Ui::default()
+        };
+        let a = build(&state, &ui).altitude;
+        assert!(
+            a.is_ok_and(|a| (Metres::from(a.altitude).0 - 500.0).abs() < 0.3
+                && a.kind == AltitudeKind::PilotBaro
+                && !a.reverted),
+            "{a:?}"
+        );
+        assert_eq!(
+            build(&state, &ui).baro,
+            BaroBox::Pilot(Hectopascals(954.61))
+        );
+        ui.baro_standard = true;
+        let m = build(&state, &ui);
+        assert!(
+            m.altitude
+                .is_ok_and(|a| (Metres::from(a.altitude).0 - 1000.0).abs() < 1e-6),
+            "{m:?}"
+        );
+        assert_eq!(m.baro, BaroBox::Standard);
+    }
+
+    #[test]
+    fn a_source_that_corrects_itself_is_shown_with_its_own_setting() {
+        let mut state = with(&[(P::BaroAltitude, 1000.0), (P::AltitudeMsl, 7.0)]);
+        let m = build(&state, &Ui::default());
+        assert!(
+            m.altitude.is_ok_and(|a| a.kind == AltitudeKind::SourceBaro),
+            "{m:?}"
+        );
+        assert_eq!(m.baro, BaroBox::Source(Err(Invalid::NeverReceived)));
+        state.set(P::BaroSetting, Sampled::good(1002.0, T0), SourceId(0));
+        assert_eq!(
+            build(&state, &Ui::default()).baro,
+            BaroBox::Source(Ok(Hectopascals(1002.0)))
+        );
+    }
+
+    #[test]
+    fn geometric_altitude_is_never_called_barometric() {
+        let mut state = with(&[(P::AltitudeMsl, 304.8)]);
+        let m = build(&state, &Ui::default());
+        assert_eq!(m.baro, BaroBox::Geometric);
+        let geometric = Altitude {
+            altitude: Feet(304.8 / 0.3048),
+            kind: AltitudeKind::Geometric,
+            reverted: false,
+        };
+        assert_eq!(m.altitude, Ok(geometric));
+        fault(&mut state, P::PressureAltitude, Invalid::SourceFailed);
+        let reverted = Altitude {
+            reverted: true,
+            ..geometric
+        };
+        assert_eq!(build(&state, &Ui::default()).altitude, Ok(reverted));
+    }
+
+    #[test]
+    fn a_disagreement_is_not_hidden_by_a_fallback() {
+        for (better, fallback) in [
+            (P::IndicatedAirspeed, P::CalibratedAirspeed),
+            (P::PressureAltitude, P::AltitudeMsl),
+            (P::HeadingTrue, P::HeadingMagnetic),
+        ] {
+            let mut state = with(&[(fallback, 1.0)]);
+            fault(&mut state, better, Invalid::Miscompare);
+            let m = build(&state, &Ui::default());
+            let shown = [m.airspeed.err(), m.altitude.err(), m.heading.err()];
+            assert!(
+                shown.contains(&Some(Invalid::Miscompare)),
+                "{better:?}: {shown:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn indicated_airspeed_comes_before_calibrated_and_each_says_which_it_is() {
+        let mut state = with(&[(P::IndicatedAirspeed, 50.0), (P::CalibratedAirspeed, 60.0)]);
+        let speed = |m: Model| {
+            m.airspeed
+                .map(|a| (MetresPerSecond::from(a.speed).0.round(), a.kind, a.reverted))
+        };
+        assert_eq!(
+            speed(build(&state, &Ui::default())),
+            Ok((50.0, AirspeedKind::Indicated, false))
+        );
+        fault(&mut state, P::IndicatedAirspeed, Invalid::OutOfRange);
+        assert_eq!(
+            speed(build(&state, &Ui::default())),
+            Ok((60.0, AirspeedKind::Calibrated, true))
+        );
+        fault(&mut state, P::CalibratedAirspeed, Invalid::SourceFailed);
+        assert_eq!(
+            speed(build(&state, &Ui::default())),
+            Err(Invalid::SourceFailed)
+        );
+    }
+
+    #[test]
+    fn magnetic_heading_serves_the_tape_but_not_synthetic_vision() {
+        let mut values = FLYING.to_vec();
+        values[2].0 = P::HeadingMagnetic;
+        let m = build(&with(&values), &ready());
+        assert!(
+            m.heading
+                .is_ok_and(|h| h.north == North::Magnetic && !h.reverted),
+            "{m:?}"
+        );
+        assert_eq!(m.svs, Err(SvsOff::HeadingTrue(Invalid::NeverReceived)));
+    }
+
+    #[test]
+    fn synthetic_vision_names_the_first_thing_missing() {
+        assert!(build(&with(FLYING), &ready()).svs.is_ok(), "all there");
+        for (missing, label) in [
+            (P::Pitch, "NO ATTITUDE"),
+            (P::Roll, "NO ATTITUDE"),
+            (P::HeadingTrue, "NO TRUE HDG"),
+            (P::Latitude, "NO POSITION"),
+            (P::Longitude, "NO POSITION"),
+            (P::AltitudeMsl, "NO HEIGHT"),
+        ] {
+            for reason in [Invalid::Stale, Invalid::SourceFailed, Invalid::Miscompare] {
+                let mut state = with(FLYING);
+                fault(&mut state, missing, reason);
+                let off = build(&state, &ready()).svs.err().map(SvsOff::label);
+                assert_eq!(off, Some(label), "{missing:?} {reason:?}");
+            }
+        }
+        for (terrain, label) in [
+            (Terrain::NoPack, "NO TERRAIN"),
+            (Terrain::Loading, "LOADING"),
+            (Terrain::Outside, "OUTSIDE DATA"),
+        ] {
+            let ui = Ui {
+                terrain,
+                ..Ui::default()
+            };
+            assert_eq!(
+                build(&with(FLYING), &ui).svs.err().map(SvsOff::label),
+                Some(label)
+            );
+        }
+    }
+
+    #[test]
+    fn the_ellipsoidal_height_is_preferred_for_the_eye() {
+        let mut state = with(FLYING);
+        state.set(P::HeightEllipsoid, Sampled::good(945.0, T0), SourceId(0));
+        let height = build(&state, &ready()).svs.map(|c| c.height);
+        assert_eq!(height, Ok(CameraHeight::Ellipsoid(Metres(945.0))));
+    }
+
+    #[test]
+    fn the_ball_moves_against_the_acceleration_that_is_felt() {
+        let m = build(&with(&[(P::LateralAcceleration, 0.1)]), &Ui::default());
+        assert!(
+            m.slip.is_ok_and(|s| (s.ball_widths + 1.0).abs() < 1e-12),
+            "one width to the left"
+        );
+    }
+}

@@ -1,0 +1,127 @@
+//! What the pilot and the installer have set.
+
+use super::atmosphere::STANDARD_PRESSURE;
+use crate::units::{Hectopascals, Knots, Radians};
+
+/// A barometric setting that an altimeter accepts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaroSetting(Hectopascals);
+
+impl BaroSetting {
+    /// The smallest setting: 27.50 inHg (SAE AS6296, altimeter), rounded to whole hectopascals.
+    pub const MIN: Hectopascals = Hectopascals(931.0);
+    /// The greatest setting: 31.50 inHg (SAE AS6296, altimeter), rounded to whole hectopascals.
+    pub const MAX: Hectopascals = Hectopascals(1067.0);
+    /// 1013.25 hPa.
+    pub const STANDARD: Self = Self(STANDARD_PRESSURE);
+
+    /// The setting `pressure`, or `None` when it lies outside [`Self::MIN`] to [`Self::MAX`] or is not a number.
+    #[must_use]
+    pub fn new(pressure: Hectopascals) -> Option<Self> {
+        (pressure >= Self::MIN && pressure <= Self::MAX).then_some(Self(pressure))
+    }
+
+    /// Its pressure.
+    #[must_use]
+    pub const fn pressure(self) -> Hectopascals {
+        self.0
+    }
+}
+
+/// The unit in which barometric settings are shown.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BaroUnit {
+    /// Whole hectopascals.
+    #[default]
+    Hectopascals,
+    /// Hundredths of an inch of mercury.
+    InchesOfMercury,
+}
+
+/// Whether there is terrain to draw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Terrain {
+    /// No pack is configured.
+    #[default]
+    NoPack,
+    /// A pack is open but its first levels are not there yet.
+    Loading,
+    /// Ready to be drawn.
+    Ready,
+    /// The aircraft is outside what the pack covers.
+    Outside,
+}
+
+/// The state of the pilot's controls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ui {
+    /// The setting of the pilot's altimeter.
+    pub baro: BaroSetting,
+    /// Whether the altimeter stands on the standard setting instead (flight levels).
+    pub baro_standard: bool,
+    /// What the terrain engine has to offer.
+    pub terrain: Terrain,
+}
+
+impl Default for Ui {
+    /// An altimeter starts at 1013.25 hPa, and without terrain until the engine says that it has some.
+    fn default() -> Self {
+        Self {
+            baro: BaroSetting::STANDARD,
+            baro_standard: false,
+            terrain: Terrain::NoPack,
+        }
+    }
+}
+
+/// The aircraft's limiting speeds. An arc is drawn only where both of its ends are configured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct VSpeeds {
+    /// Stall, landing configuration.
+    pub vs0: Option<Knots>,
+    /// Stall, clean.
+    pub vs1: Option<Knots>,
+    /// Greatest with flaps extended.
+    pub vfe: Option<Knots>,
+    /// Greatest in rough air.
+    pub vno: Option<Knots>,
+    /// Never exceed.
+    pub vne: Option<Knots>,
+}
+
+/// What the installer has configured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config {
+    /// The unit of barometric settings.
+    pub baro_unit: BaroUnit,
+    /// The limiting speeds.
+    pub v_speeds: VSpeeds,
+    /// Horizontal field of view of the whole picture; terrain, horizon and pitch ladder share it.
+    pub hfov: Radians,
+}
+
+impl Default for Config {
+    /// Hectopascals, no limiting speeds, a field of view of 60 degrees.
+    fn default() -> Self {
+        Self {
+            baro_unit: BaroUnit::Hectopascals,
+            v_speeds: VSpeeds::default(),
+            hfov: Radians(std::f64::consts::FRAC_PI_3),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_settings_of_an_altimeter_are_taken() {
+        for good in [931.0, 1013.25, 1067.0] {
+            assert!(BaroSetting::new(Hectopascals(good)).is_some(), "{good}");
+        }
+        for bad in [0.0, 930.9, 1067.1, 29.92, f64::NAN, f64::INFINITY] {
+            assert!(BaroSetting::new(Hectopascals(bad)).is_none(), "{bad}");
+        }
+    }
+}

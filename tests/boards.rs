@@ -1,0 +1,20 @@
+//! Every board file that is shipped is one that the program takes.
+
+mod support;
+
+use glasswing::app::board::Board;
+
+#[test]
+fn every_shipped_board_file_is_taken() {
+    let folder = support::source_dir().join("boards");
+    let mut taken = 0;
+    for entry in std::fs::read_dir(&folder).expect("the folder of boards") {
+        let path = entry.expect("a readable entry").path();
+        if let Err(faults) = Board::load(&path) {
+            let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
+            panic!("{}:\n{}", path.display(), lines.join("\n"));
+        }
+        taken += 1;
+    }
+    assert!(taken >= 3, "only {taken} board files were found");
+}

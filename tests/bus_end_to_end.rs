@@ -1,0 +1,252 @@
+//! From a real socket to the flight state, through the real threads: what goes in must come out, and what is refused must
+//! be named.
+#![expect(
+    clippy::expect_used,
+    reason = "a helper that fails is a test that fails"
+)]
+
+mod support;
+
+use glasswing::app::intake::{FusionThread, Intake};
+use glasswing::app::sources::{listen, listen_can, listen_udp};
+use glasswing::bus::{BusError, Endpoint, SourceThread, can, loopback};
+use glasswing::limits::{DATAGRAM_BYTES_MAX, FUSION_PERIOD};
+use glasswing::proto::Protocol;
+use glasswing::proto::canaerospace::encode;
+use glasswing::sampled::Invalid;
+use glasswing::signal::{Parameter, SourceId};
+use glasswing::state::Fusion;
+use glasswing::time::Monotonic;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::time::Duration;
+
+const ID: SourceId = SourceId(0);
+
+/// An FDM packet of version 24 with a pitch and nothing else.
+fn packet(pitch_rad: f32) -> Vec<u8> {
+    let mut bytes = vec![0; 408];
+    bytes[..4].copy_from_slice(&24_u32.to_be_bytes());
+    bytes[40..44].copy_from_slice(&pitch_rad.to_be_bytes());
+    bytes
+}
+
+/// A port that nobody has just now.
+fn free_address() -> SocketAddr {
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    socket.local_addr().expect("an address")
+}
+
+/// Waits for a condition that other threads bring about; ten seconds are for a machine that does much else.
+fn wait_until(what: &str, mut condition: impl FnMut() -> bool) {
+    let start = Monotonic::read();
+    while !condition() {
+        let waited = Monotonic::read().since(start).unwrap_or_default();
+        assert!(waited < Duration::from_secs(10), "never: {what}");
+        std::thread::park_timeout(Duration::from_millis(1));
+    }
+}
+
+fn wait_for_frames(thread: &SourceThread, frames: u64) {
+    wait_until("frames are decoded", || {
+        thread.figures().snapshot().frames() >= frames
+    });
+}
+
+#[test]
+fn a_datagram_becomes_a_published_state() {
+    let address = free_address();
+    let source = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect("opens");
+    let intake = Intake::new([source.signals], Fusion::new(&[ID]));
+    let (mut states, fusion) = FusionThread::start(intake, FUSION_PERIOD).expect("starts");
+    let now = Monotonic::read();
+    assert_eq!(
+        states.read().read(Parameter::Pitch, now),
+        Err(Invalid::NeverReceived)
+    );
+    let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    sender.send_to(&packet(0.125), address).expect("sent");
+    wait_until("the pitch is published", || {
+        states.read().read(Parameter::Pitch, Monotonic::read()) == Ok(0.125)
+    });
+    assert_eq!(states.read().source(Parameter::Pitch), Some(ID));
+    let silence = Monotonic::read().plus(Duration::from_millis(301));
+    assert_eq!(
+        states.read().read(Parameter::Pitch, silence),
+        Err(Invalid::Stale),
+        "no frames, no attitude"
+    );
+    drop(fusion);
+}
+
+#[test]
+fn bad_datagrams_are_counted_and_the_next_good_one_is_used() {
+    let address = free_address();
+    let mut source = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect("opens");
+    let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    let mut too_long = packet(0.5);
+    too_long.resize(4 * DATAGRAM_BYTES_MAX, 0);
+    for bytes in [
+        &[][..],
+        &packet(0.5)[..407],
+        &too_long,
+        &packet(f32::NAN),
+        &packet(0.25),
+    ] {
+        sender.send_to(bytes, address).expect("sent");
+    }
+    wait_for_frames(&source.thread, 5);
+    let figures = source.thread.figures().snapshot();
+    assert_eq!((figures.good, figures.bad, figures.ignored), (1, 4, 0));
+    let mut intake = Intake::new([source.signals], Fusion::new(&[ID]));
+    let now = Monotonic::read();
+    assert_eq!(intake.step(now).read(Parameter::Pitch, now), Ok(0.25));
+    source.thread.stop();
+    source.thread.stop();
+    UdpSocket::bind(address).expect("a stopped source has let its port go");
+}
+
+#[test]
+fn a_full_ring_drops_the_newest_and_counts_them() {
+    let address = free_address();
+    let source = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect("opens");
+    let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    // 17 signals a packet here; 300 packets are more than the ring holds.
+    for sent in 1..=300 {
+        sender.send_to(&packet(0.125), address).expect("sent");
+        wait_for_frames(&source.thread, sent);
+    }
+    let dropped = source.thread.figures().snapshot().dropped;
+    let held = u64::try_from(source.signals.slots()).expect("small");
+    assert_eq!(held, 4096, "the ring is full");
+    assert!(
+        dropped > 0 && (held + dropped) % 300 == 0,
+        "{held} {dropped}"
+    );
+}
+
+#[test]
+fn only_named_senders_are_heard() {
+    let address = free_address();
+    let stranger = Ipv4Addr::new(127, 0, 0, 2);
+    let source = listen_udp(
+        "sim",
+        ID,
+        Protocol::FgFdm,
+        address,
+        vec![Ipv4Addr::LOCALHOST.into()],
+    )
+    .expect("opens");
+    let other = UdpSocket::bind((stranger, 0)).expect("a second loopback address");
+    other.send_to(&packet(0.5), address).expect("sent");
+    let named = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    named.send_to(&packet(0.25), address).expect("sent");
+    wait_for_frames(&source.thread, 1);
+    let figures = source.thread.figures().snapshot();
+    assert_eq!((figures.good, figures.foreign), (1, 1));
+}
+
+#[test]
+fn a_port_in_use_is_named() {
+    let holder = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    let address = holder.local_addr().expect("an address");
+    let error = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect_err("in use");
+    assert!(matches!(error, BusError::PortInUse { .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(text.contains(&format!("udp {address}")), "{text}");
+    assert!(!text.contains('\n'), "one line: {text}");
+}
+
+#[test]
+fn an_address_of_another_machine_is_named() {
+    let address = SocketAddr::from(([192, 0, 2, 1], 5500));
+    let error = listen_udp("sim", ID, Protocol::FgFdm, address, vec![]).expect_err("not ours");
+    assert!(
+        matches!(error, BusError::AddressNotLocal { .. }),
+        "{error:?}"
+    );
+}
+
+#[test]
+fn a_missing_can_interface_is_named_with_the_remedy() {
+    for name in [
+        "nosuchcan7",
+        "vcan_absent",
+        "a name that no interface can have",
+        "",
+    ] {
+        let error = listen_can("adahrs", ID, Protocol::CanAerospace, name).expect_err("absent");
+        // A kernel without CAN, or an emulator without it, refuses before it looks for the interface.
+        let text = error.to_string();
+        assert!(text.contains(&format!("can {name}")), "{text}");
+        assert!(!text.contains('\n'), "one line: {text}");
+        if let BusError::InterfaceMissing { .. } = error {
+            assert!(text.contains("ip link"), "{text}");
+        }
+        assert!(!can::exists(name), "{name}");
+    }
+}
+
+#[test]
+fn frames_on_the_bus_within_keep_their_times_and_wake_the_listener() {
+    let (mut bus, receiver) = loopback::bus(64);
+    let endpoint = Endpoint::Loopback(receiver);
+    let source = listen("demo", ID, Protocol::CanAerospace, endpoint).expect("opens");
+    let mut intake = Intake::new([source.signals], Fusion::new(&[ID]));
+    for k in 1..=1000_u64 {
+        let at = Monotonic::from_nanos(k * 20_000_000);
+        let roll = f64::from(u32::try_from(k).expect("small")) * 1e-3;
+        #[expect(clippy::cast_possible_truncation, reason = "a message code wraps")]
+        let frame = encode(Parameter::Roll, roll, 1, k as u8).expect("encodes");
+        bus.send(at, frame).expect("room");
+        wait_for_frames(&source.thread, k);
+        let shown = intake.step(at).read(Parameter::Roll, at).expect("fresh");
+        assert!((shown - roll).abs() < 1e-6, "{shown} {roll}");
+    }
+    let figures = source.thread.figures().snapshot();
+    assert_eq!((figures.good, figures.frames()), (1000, 1000));
+}
+
+#[test]
+fn a_full_bus_within_refuses_the_frame() {
+    let (mut bus, _receiver) = loopback::bus(1);
+    let frame = encode(Parameter::Roll, 0.1, 1, 0).expect("encodes");
+    let at = Monotonic::from_nanos(0);
+    assert_eq!(bus.send(at, frame), Ok(()));
+    assert_eq!(bus.send(at, frame), Err(loopback::Full));
+}
+
+#[test]
+fn frames_through_vcan_become_state() {
+    let interface = "vcan0";
+    let Ok(sender) = can::Sender::open(interface) else {
+        support::skip("no vcan0 (ip link add vcan0 type vcan && ip link set vcan0 up)");
+        return;
+    };
+    let source = listen_can("adahrs", ID, Protocol::CanAerospace, interface).expect("opens");
+    let mut foreign = encode(Parameter::Roll, 0.5, 1, 0).expect("encodes");
+    (foreign.id, foreign.extended) = (0x09F8_0102, true);
+    sender.send(&foreign).expect("sent");
+    for (code, parameter, value) in [
+        (0, Parameter::Roll, 0.25),
+        (0, Parameter::IndicatedAirspeed, 49.5),
+        (1, Parameter::Roll, -0.25),
+    ] {
+        let mut frame = encode(parameter, value, 1, code).expect("encodes");
+        sender.send(&frame).expect("sent");
+        frame.extended = true;
+        sender.send(&frame).expect("sent");
+    }
+    wait_for_frames(&source.thread, 6);
+    let mut intake = Intake::new([source.signals], Fusion::new(&[ID]));
+    let now = Monotonic::read();
+    let state = intake.step(now);
+    assert_eq!(state.read(Parameter::IndicatedAirspeed, now), Ok(49.5));
+    let roll = state.read(Parameter::Roll, now).expect("fresh");
+    assert!((roll + 0.25).abs() < 1e-6, "{roll}");
+    let figures = source.thread.figures().snapshot();
+    assert_eq!(
+        (figures.good, figures.ignored),
+        (6, 0),
+        "the kernel keeps foreign frames away"
+    );
+}

@@ -1,0 +1,190 @@
+//! The command line as a user meets it: help that is complete, and for every wrong input one clear line and its exit code.
+
+mod support;
+
+use std::net::UdpSocket;
+use std::process::Output;
+
+fn glasswing(args: &[&str]) -> Output {
+    support::glasswing_command()
+        .args(args)
+        .output()
+        .expect("starts")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// The command ends with `code` and its first line of complaint has the form `glasswing: WHAT: WHY (WHAT TO DO)` and holds
+/// each of `parts`.
+fn refused(args: &[&str], code: i32, parts: &[&str]) {
+    let output = glasswing(args);
+    let complaint = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{args:?}: {complaint}");
+    let line = complaint
+        .lines()
+        .find(|l| l.starts_with("glasswing: "))
+        .unwrap_or_else(|| panic!("{args:?}: no line of ours in {complaint}"));
+    assert!(
+        line.ends_with(')') && line.contains(" ("),
+        "{args:?}: says not what to do: {line}"
+    );
+    for part in parts {
+        assert!(line.contains(part), "{args:?}: {part} not in {line}");
+    }
+    assert!(!complaint.contains("panicked"), "{args:?}: {complaint}");
+}
+
+#[test]
+fn every_command_has_help_with_an_example() {
+    let commands: &[&[&str]] = &[
+        &["run"],
+        &["demo"],
+        &["terrain", "bake"],
+        &["terrain", "synth"],
+        &["terrain", "info"],
+        &["terrain", "verify"],
+        &["terrain", "height"],
+        &["shot"],
+        &["decode"],
+        &["check"],
+        &["list"],
+    ];
+    for command in commands {
+        let mut args = command.to_vec();
+        args.push("--help");
+        let output = glasswing(&args);
+        let help = text(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{command:?}");
+        assert!(
+            help.contains("Example"),
+            "{command:?} has no example:\n{help}"
+        );
+        assert!(
+            help.contains(&format!("glasswing {}", command.join(" "))),
+            "{command:?}: {help}"
+        );
+    }
+}
+
+#[test]
+fn what_does_not_exist_yet_is_not_offered() {
+    let help = text(&glasswing(&["--help"]).stdout);
+    for absent in ["replay", "record", "simulate", "measure"] {
+        assert!(!help.contains(absent), "{absent} is offered:\n{help}");
+        refused(&[absent], 2, &[absent]);
+    }
+}
+
+#[test]
+fn wrong_usage_is_one_line() {
+    refused(&["run", "--boards", "x"], 2, &["--boards", "--help"]);
+    refused(&["shot", "--eye", "1,2"], 2, &["--eye"]);
+    refused(&["run", "--seconds", "minus"], 2, &["--seconds"]);
+}
+
+#[test]
+fn a_board_file_with_faults_is_refused_with_every_key_named() {
+    let folder = support::scratch_dir("cli-board");
+    let file = folder.join("cockpit.toml");
+    std::fs::write(
+        &file,
+        "inherit = \"base\"\n[view]\nhfov_rad = 1\n[units]\npressure = \"psi\"\n",
+    )
+    .expect("written");
+    let path = file.to_str().expect("UTF-8");
+    refused(
+        &["run", "--board", path],
+        2,
+        &["cockpit.toml", "hfov_rad", "hfov_deg"],
+    );
+    let complaint = text(&glasswing(&["check", "--board", path]).stderr);
+    assert!(
+        complaint.contains("units.pressure"),
+        "check names all of them: {complaint}"
+    );
+    refused(
+        &["run", "--board", "/nowhere/board.toml"],
+        2,
+        &["/nowhere/board.toml", "cannot be read"],
+    );
+}
+
+#[test]
+fn devices_that_are_not_there_are_named() {
+    let folder = support::scratch_dir("cli-devices");
+    let file = folder.join("cockpit.toml");
+    let board = |source: &str| {
+        let text = format!(
+            "inherit = \"base\"\n[screen]\nkind = \"surfaceless\"\n[[source]]\nname = \"a\"\n{source}\n"
+        );
+        std::fs::write(&file, text).expect("written");
+    };
+    let path = file.to_str().expect("UTF-8");
+    board("protocol = \"canaerospace\"\ncan = \"nocan7\"");
+    refused(&["run", "--board", path, "--seconds", "1"], 4, &["nocan7"]);
+
+    let taken = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let port = taken.local_addr().expect("bound").port();
+    board(&format!("protocol = \"fgfdm\"\nudp = \"127.0.0.1:{port}\""));
+    refused(
+        &["run", "--board", path, "--seconds", "1"],
+        4,
+        &[&port.to_string(), "in use"],
+    );
+
+    board(&format!(
+        "protocol = \"fgfdm\"\nudp = \"203.0.113.77:{port}\""
+    ));
+    refused(
+        &["run", "--board", path, "--seconds", "1"],
+        4,
+        &["203.0.113.77"],
+    );
+}
+
+#[test]
+fn terrain_that_is_not_there_or_damaged_is_named() {
+    let folder = support::scratch_dir("cli-terrain");
+    let missing = folder.join("missing.pack");
+    let missing = missing.to_str().expect("UTF-8");
+    for args in [
+        &["terrain", "info", missing][..],
+        &["terrain", "verify", missing],
+        &["terrain", "height", missing, "50", "14"],
+        &[
+            "run",
+            "--board",
+            "boards/headless.toml",
+            "--pack",
+            missing,
+            "--seconds",
+            "1",
+        ],
+        &[
+            "shot",
+            "--pack",
+            missing,
+            "--eye",
+            "50,14,1000",
+            "--attitude",
+            "0,0,0",
+            "--hfov",
+            "60",
+            "--size",
+            "64x64",
+            "--out",
+            "x.png",
+        ],
+    ] {
+        refused(args, 3, &["missing.pack"]);
+    }
+    let junk = folder.join("junk.pack");
+    std::fs::write(&junk, b"this is no pack at all, only a line of text").expect("written");
+    refused(
+        &["terrain", "info", junk.to_str().expect("UTF-8")],
+        3,
+        &["junk.pack"],
+    );
+}
