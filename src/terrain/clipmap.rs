@@ -334,7 +334,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn windows_are_even_and_centred(shape in shapes(), x in -3e5..3e5f64, y in -1e5..1e5f64) {
+        fn windows_are_even_and_centred(shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64) {
             let w = Window::around(shape, x, y, None);
             prop_assert_eq!((w.i % 2, w.j % 2), (0, 0));
             prop_assert!((f64::from(w.i) + shape.half() - x).abs() <= 1.0);
@@ -344,7 +344,7 @@ mod tests {
 
         #[test]
         fn a_window_nests_in_the_next_with_its_blend_complete_at_the_edge_and_nil_at_the_hole(
-            shape in shapes(), x in -3e5..3e5f64, y in -1e5..1e5f64,
+            shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64,
         ) {
             let fine = Window::around(shape, x, y, None);
             let coarse = Window::around(shape, x / 2.0, y / 2.0, None);
@@ -357,33 +357,33 @@ mod tests {
                     (hole.x0 + k, hole.y0), (hole.x0 + k, hole.y1),
                     (hole.x0, hole.y0 + k), (hole.x1, hole.y0 + k),
                 ] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 0.0f64.to_bits());
+                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 0.0_f64.to_bits());
                 }
             }
             let w = shape.cells();
             for k in 0..=w {
                 for (x, y) in [(k, 0), (k, w), (0, k), (w, k)] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0f64.to_bits());
+                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0_f64.to_bits());
                 }
             }
         }
 
         #[test]
         fn a_lagging_window_still_blends_completely_at_its_edge(
-            shape in shapes(), lag_x in -200.0..200.0f64, lag_y in -200.0..200.0f64,
+            shape in shapes(), lag_x in -200.0..200.0_f64, lag_y in -200.0..200.0_f64,
         ) {
             let w = Window { i: 0, j: 0 };
             let morph = Morph::new(shape, w, shape.half() + lag_x, shape.half() + lag_y);
             for k in 0..=shape.cells() {
                 for (x, y) in [(k, 0), (k, shape.cells()), (0, k), (shape.cells(), k)] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0f64.to_bits());
+                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0_f64.to_bits());
                 }
             }
         }
 
         #[test]
         fn torus_parts_address_every_post_once(
-            i in -5000..5000i32, j in -5000..5000i32, width in 1..=128usize, height in 1..=128usize,
+            i in -5000..5000_i32, j in -5000..5000_i32, width in 1..=128_usize, height in 1..=128_usize,
         ) {
             let mut seen = vec![false; 128 * 128];
             for part in torus_parts(128, (i, j), width, height) {

@@ -200,10 +200,10 @@ mod tests {
     proptest! {
         #[test]
         fn a_block_with_a_point_in_the_picture_is_seen(
-            lat in -80.0..80.0f64, lon in -180.0..180.0f64, h in 0.0..18_000.0f64,
-            heading in 0.0..360.0f64, pitch in -90.0..90.0f64, roll in -180.0..180.0f64,
-            dlat in -1.0..1.0f64, dlon in -1.0..1.0f64, size in 0.001..3.0f64,
-            fx in 0.0..1.0f64, fy in 0.0..1.0f64, fh in 0.0..1.0f64, relief in 0.0..5000.0f64,
+            lat in -80.0..80.0_f64, lon in -180.0..180.0_f64, h in 0.0..18_000.0_f64,
+            heading in 0.0..360.0_f64, pitch in -90.0..90.0_f64, roll in -180.0..180.0_f64,
+            dlat in -1.0..1.0_f64, dlon in -1.0..1.0_f64, size in 0.001..3.0_f64,
+            fx in 0.0..1.0_f64, fy in 0.0..1.0_f64, fh in 0.0..1.0_f64, relief in 0.0..5000.0_f64,
         ) {
             let camera = camera(lat, lon, h, (heading, pitch, roll), 60.0);
             let patch = Patch {

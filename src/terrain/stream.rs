@@ -89,6 +89,10 @@ pub struct Streamer {
     shape: Shape,
     levels: Vec<Level>,
     worker: Worker,
+    #[expect(
+        clippy::vec_box,
+        reason = "batches travel through rings: a box moves as a pointer"
+    )]
     free: Vec<Box<Batch>>,
     held: Option<Held>,
 }

@@ -1,8 +1,18 @@
 //! A stand-in for a pack: land from a formula, with tiles that can be made to fail.
 #![allow(dead_code, reason = "each test file uses its own part of this")]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    clippy::expect_used,
+    reason = "made-up land: numbers are small and what fails must say so"
+)]
+
+#[path = "../support/mod.rs"]
+pub(crate) mod support;
 
 use glasswing::gl::Gpu;
-use glasswing::screen::{self, Screen};
+use glasswing::screen::{self, Screen, ScreenError};
 use glasswing::terrain::codec::{SurfaceKind, Tile};
 use glasswing::terrain::grid::{Grid, TileKey};
 use glasswing::terrain::pack::{Bounds, PackInfo, PostRect, TileError, TileReader};
@@ -160,15 +170,20 @@ pub(crate) fn sea(_: i32, _: i32) -> (f64, SurfaceKind) {
     (0.0, SurfaceKind::Water)
 }
 
-/// A GPU without a screen, or the reason why these tests cannot run here.
+/// A GPU without a screen on EGL, or on what `GLASSWING_TEST_SCREEN` names; `None`, and a word on why, where there is none.
 pub(crate) fn gpu(width: u32, height: u32) -> Option<(Rc<Gpu>, Box<dyn Screen>)> {
-    match screen::surfaceless::open(width, height) {
+    let opened: Result<Box<dyn Screen>, ScreenError> =
+        match std::env::var("GLASSWING_TEST_SCREEN").as_deref() {
+            Ok("osmesa") => screen::osmesa::open(width, height).map(|s| Box::new(s) as _),
+            _ => screen::surfaceless::open(width, height).map(|s| Box::new(s) as _),
+        };
+    match opened {
         Ok(screen) => {
             let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
-            Some((gpu, Box::new(screen)))
+            Some((gpu, screen))
         }
         Err(e) => {
-            println!("SKIPPED: no EGL here: {e}");
+            support::skip(&format!("no headless GL here: {e}"));
             None
         }
     }
