@@ -6,16 +6,14 @@
 use crate::app::board::{Board, PressureUnit};
 use crate::app::error::{Failure, Kind};
 use crate::app::fly;
+use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::Size;
 use crate::bus::input::Action;
 use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
-use crate::draw::atlas::{Atlas, AtlasError};
-use crate::draw::{self, DrawList, Layout};
 use crate::geo::{Camera, Geodetic};
 use crate::gl::sky::SkyRenderer;
 use crate::gl::target::Target;
 use crate::gl::terrain::{Look, TerrainError, TerrainRenderer};
-use crate::gl::vector::VectorRenderer;
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
 use crate::state::FlightState;
@@ -61,12 +59,9 @@ pub struct Cockpit {
     size: Size,
     target: Target,
     window: Option<Target>,
-    vector: VectorRenderer,
+    instruments: Instruments,
     sky: SkyRenderer,
     terrain: Option<Ground>,
-    atlas: Atlas,
-    layout: Layout,
-    list: DrawList,
     config: Config,
     quota_texels: usize,
     /// The pilot's settings.
@@ -87,20 +82,21 @@ impl Cockpit {
     /// When the GPU refuses something.
     pub fn new(screen: &dyn Screen, board: &Board, pack: Option<Pack>) -> Result<Self, Failure> {
         let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gl_failed(screen, e))?;
-        let (width, height) = screen.size_px();
-        Self::on(&gpu, board, pack, width, height, screen.is_headless())
-            .map_err(|e| gl_failed(screen, e))
+        let (width_px, height_px) = screen.size_px();
+        let size = Size {
+            width_px,
+            height_px,
+        };
+        Self::on(&gpu, board, pack, size, screen.is_headless()).map_err(|e| gl_failed(screen, e))
     }
 
     fn on(
         gpu: &Rc<Gpu>,
         board: &Board,
         pack: Option<Pack>,
-        width: u32,
-        height: u32,
+        size: Size,
         headless: bool,
     ) -> Result<Self, MakeError> {
-        let atlas = Atlas::build()?;
         let terrain = pack
             .map(|pack| {
                 let pack = Arc::new(pack);
@@ -113,18 +109,12 @@ impl Cockpit {
             })
             .transpose()?;
         Ok(Self {
-            size: Size {
-                width_px: width,
-                height_px: height,
-            },
-            target: Target::offscreen(gpu, width, height, board.screen.samples)?,
-            window: (!headless).then(|| Target::window(gpu, width, height)),
-            vector: VectorRenderer::new(gpu, &atlas)?,
+            size,
+            target: Target::offscreen(gpu, size.width_px, size.height_px, board.screen.samples)?,
+            window: (!headless).then(|| Target::window(gpu, size.width_px, size.height_px)),
+            instruments: Instruments::new(gpu, size)?,
             sky: SkyRenderer::new(gpu)?,
             terrain,
-            atlas,
-            layout: Layout::new(width, height),
-            list: DrawList::new(),
             config: config(board),
             quota_texels: board.terrain.upload_texels_per_frame as usize,
             ui: Ui::default(),
@@ -162,16 +152,15 @@ impl Cockpit {
             }
         }
         let listing = Monotonic::read();
-        draw::draw(&model, &self.layout, &self.atlas, &mut self.list);
+        self.instruments.list(&model);
         own += Monotonic::read().since(listing).unwrap_or_default();
-        self.vector
-            .draw(&self.list, self.size.width_px, self.size.height_px);
+        self.instruments.draw();
         drawn.draw_calls += 1;
         self.target.resolve();
         if let Some(window) = &self.window {
             self.target.copy_to(window);
         }
-        drawn.list_overflowed = self.list.left_out() > 0;
+        drawn.list_overflowed = self.instruments.overflowed();
         drawn.own_time = own;
         drawn
     }
@@ -288,7 +277,7 @@ enum MakeError {
     #[error(transparent)]
     Terrain(#[from] TerrainError),
     #[error(transparent)]
-    Atlas(#[from] AtlasError),
+    Instruments(#[from] InstrumentsError),
     #[error("no level has that many vertices")]
     Shape,
 }

@@ -13,6 +13,7 @@ pub mod flight;
 pub mod fly;
 pub mod frames;
 pub mod health;
+pub mod instruments;
 pub mod intake;
 pub mod list;
 pub mod picture;

@@ -14,8 +14,8 @@ pub struct Size {
     pub height_px: u32,
 }
 
-/// The largest side of a picture: the smallest `GL_MAX_RENDERBUFFER_SIZE` that OpenGL ES 3.0 allows (its table 6.15).
-pub const SIDE_PX_MAX: u32 = 2048;
+/// The largest side of a picture that may be asked for. OpenGL ES 3.0 promises 2048; beyond that the GPU has the last word.
+pub const SIDE_PX_MAX: u32 = 8192;
 
 impl std::str::FromStr for Size {
     type Err = String;

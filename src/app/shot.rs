@@ -1,13 +1,21 @@
 //! `glasswing shot`: one settled picture of a pack, and the distances behind its pixels.
 #![expect(clippy::print_stdout, reason = "the command's output")]
 
-use super::error::{Failure, Kind};
+use crate::angle::{wrap_signed, wrap_turn};
+use crate::app::cockpit;
+use crate::app::error::{Failure, Kind};
+use crate::app::instruments::{Instruments, InstrumentsError};
+use crate::app::picture::{Effort, Size, write_png};
+use crate::display::{Config, Model, Terrain, Ui};
 use crate::geo::{Attitude, Camera, Geodetic};
 use crate::gl::sky::SkyRenderer;
 use crate::gl::target::Target;
-use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
+use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainError, TerrainRenderer};
 use crate::gl::{GlError, Gpu};
+use crate::sampled::Sampled;
 use crate::screen::{self, Screen};
+use crate::signal::{Parameter, SourceId};
+use crate::state::FlightState;
 use crate::terrain::pack::Pack;
 use crate::terrain::scene::{FrameFigures, Settings};
 use crate::time::Monotonic;
@@ -108,21 +116,6 @@ impl FromStr for Triple {
     }
 }
 
-/// Width and height of a picture, pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size(pub u32, pub u32);
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let side = |text: &str| text.parse().ok().filter(|&v| (1..=8192).contains(&v));
-        text.split_once('x')
-            .and_then(|(w, h)| Some(Self(side(w)?, side(h)?)))
-            .ok_or_else(|| "WIDTHxHEIGHT in pixels is needed, each 1 to 8192".into())
-    }
-}
-
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct Report {
@@ -149,13 +142,12 @@ struct Report {
 /// [`Failure`]: wrong values (2), no or a damaged pack (3), no GPU (4), a file that cannot be written (1).
 pub fn run(args: ShotArgs) -> Result<(), Failure> {
     let camera = camera(&args)?;
-    let pack = Pack::open(&args.pack).map_err(|e| {
-        let remedy = e.remedy();
-        Failure::new(Kind::Input, args.pack.display(), &e, remedy).caused_by(e)
-    })?;
+    let pack = cockpit::open_pack(&args.pack)?;
+    let model = model(&camera, &pack);
     let screen = open(args.backend, args.size)?;
     let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gpu_failure(&e))?;
     let mut studio = Studio::new(&gpu, pack, args.size).map_err(|e| gpu_failure(&e))?;
+    studio.instruments.list(&model);
     let settled = studio.settle(&camera)?;
     let report = studio.picture(&camera, &args, settled)?;
     if args.json {
@@ -187,8 +179,8 @@ fn camera(args: &ShotArgs) -> Result<Camera, Failure> {
         eye: Geodetic::from_degrees(latitude, longitude, height),
         attitude: Attitude::from_degrees(heading, pitch, roll),
         hfov: Radians::from_degrees(args.hfov),
-        width_px: args.size.0,
-        height_px: args.size.1,
+        width_px: args.size.width_px,
+        height_px: args.size.height_px,
     };
     if !camera.is_valid() {
         return wrong(
@@ -200,10 +192,49 @@ fn camera(args: &ShotArgs) -> Result<Camera, Failure> {
     Ok(camera)
 }
 
+/// What the instruments show over the picture: position and attitude are known, nothing else is.
+fn model(camera: &Camera, pack: &Pack) -> Model {
+    let now = Monotonic::read();
+    let (eye, attitude) = (camera.eye, camera.attitude);
+    let mut state = FlightState::empty();
+    let mut know = |parameter: Parameter, value: f64| {
+        state.set(
+            parameter,
+            Sampled::from_result(parameter.check(value), now),
+            SourceId(0),
+        );
+    };
+    know(Parameter::Pitch, attitude.pitch.0);
+    know(Parameter::Roll, wrap_signed(attitude.roll).0);
+    know(Parameter::HeadingTrue, wrap_turn(attitude.heading_true).0);
+    know(Parameter::Latitude, eye.latitude.0);
+    know(Parameter::Longitude, wrap_signed(eye.longitude).0);
+    know(Parameter::HeightEllipsoid, eye.height_ellipsoid.0);
+    if let Some(undulation_m) = pack.geoid().undulation_m(eye.latitude, eye.longitude) {
+        know(
+            Parameter::AltitudeMsl,
+            eye.height_ellipsoid.0 - undulation_m,
+        );
+    }
+    let ui = Ui {
+        terrain: Terrain::Ready,
+        ..Ui::default()
+    };
+    let config = Config {
+        hfov: camera.hfov,
+        ..Config::default()
+    };
+    Model::build(&state, &ui, &config, now)
+}
+
 fn open(backend: Backend, size: Size) -> Result<Box<dyn Screen>, Failure> {
     let screen: Result<Box<dyn Screen>, _> = match backend {
-        Backend::Surfaceless => screen::surfaceless::open(size.0, size.1).map(|s| Box::new(s) as _),
-        Backend::Osmesa => screen::osmesa::open(size.0, size.1).map(|s| Box::new(s) as _),
+        Backend::Surfaceless => {
+            screen::surfaceless::open(size.width_px, size.height_px).map(|s| Box::new(s) as _)
+        }
+        Backend::Osmesa => {
+            screen::osmesa::open(size.width_px, size.height_px).map(|s| Box::new(s) as _)
+        }
     };
     screen.map_err(|e| {
         Failure::new(Kind::Device, e.device().to_owned(), e.why(), e.remedy()).caused_by(e)
@@ -235,21 +266,29 @@ struct Studio {
     gpu: Rc<Gpu>,
     terrain: TerrainRenderer,
     sky: SkyRenderer,
+    instruments: Instruments,
     target: Target,
     size: Size,
 }
 
+#[derive(Debug, thiserror::Error)]
+enum StudioError {
+    #[error(transparent)]
+    Gl(#[from] GlError),
+    #[error(transparent)]
+    Terrain(#[from] TerrainError),
+    #[error(transparent)]
+    Instruments(#[from] InstrumentsError),
+}
+
 impl Studio {
-    fn new(
-        gpu: &Rc<Gpu>,
-        pack: Pack,
-        size: Size,
-    ) -> Result<Self, crate::gl::terrain::TerrainError> {
+    fn new(gpu: &Rc<Gpu>, pack: Pack, size: Size) -> Result<Self, StudioError> {
         Ok(Self {
             gpu: Rc::clone(gpu),
             terrain: TerrainRenderer::new(gpu, Settings::default(), Arc::new(pack))?,
             sky: SkyRenderer::new(gpu)?,
-            target: Target::offscreen(gpu, size.0, size.1, SAMPLES)?,
+            instruments: Instruments::new(gpu, size)?,
+            target: Target::offscreen(gpu, size.width_px, size.height_px, SAMPLES)?,
             size,
         })
     }
@@ -304,9 +343,15 @@ impl Studio {
         let background = self.draw(camera, args.terrain_only);
         self.gpu.finish();
         let frame = Monotonic::read().since(begun).unwrap_or_default();
-        let mut pixels = vec![0; self.size.0 as usize * self.size.1 as usize * 4];
+        let mut pixels = vec![0; self.size.width_px as usize * self.size.height_px as usize * 4];
         self.target.read_rgba(&mut pixels);
-        write_png(&args.out, self.size, &pixels)?;
+        write_png(
+            &args.out,
+            self.size,
+            &pixels,
+            Effort::Small,
+            &mut Vec::new(),
+        )?;
         if let Some(path) = &args.range {
             let ranges = self.ranges().map_err(|e| gpu_failure(&e))?;
             write_pfm(path, self.size, &ranges)?;
@@ -331,14 +376,14 @@ impl Studio {
             uploads_bytes: settled.uploads_bytes,
             resident_bytes: figures.resident_bytes,
             damaged_tiles: damage.checksum + damage.content + damage.reading,
-            width: self.size.0,
-            height: self.size.1,
+            width: self.size.width_px,
+            height: self.size.height_px,
             gpu: self.gpu.caps().renderer.clone(),
         })
     }
 
     /// Draws what has been settled. Returns the draw calls beside the terrain's.
-    fn draw(&self, camera: &Camera, terrain_only: bool) -> usize {
+    fn draw(&mut self, camera: &Camera, terrain_only: bool) -> usize {
         self.target.bind();
         self.gpu.clear(FLAT_SKY);
         if terrain_only {
@@ -347,16 +392,17 @@ impl Studio {
         }
         self.terrain.draw(&Look::FLIGHT);
         self.sky.draw(camera);
-        1
+        self.instruments.draw();
+        2
     }
 
     /// Distances from the eye, metres, rows from the top; +infinity for sky.
     fn ranges(&self) -> Result<Vec<f32>, GlError> {
-        let target = Target::offscreen(&self.gpu, self.size.0, self.size.1, 0)?;
+        let target = Target::offscreen(&self.gpu, self.size.width_px, self.size.height_px, 0)?;
         target.bind();
         self.gpu.clear(RANGE_CLEAR);
         self.terrain.draw_range();
-        let mut bytes = vec![0; self.size.0 as usize * self.size.1 as usize * 4];
+        let mut bytes = vec![0; self.size.width_px as usize * self.size.height_px as usize * 4];
         target.read_rgba(&mut bytes);
         Ok(bytes
             .chunks_exact(4)
@@ -375,30 +421,13 @@ fn file_failure(path: &Path, e: impl std::error::Error + Send + Sync + 'static) 
     .caused_by(e)
 }
 
-/// Writes red, green, blue and opacity, rows from the top, as a PNG without opacity.
-fn write_png(path: &Path, size: Size, rgba: &[u8]) -> Result<(), Failure> {
-    let file = File::create(path).map_err(|e| file_failure(path, e))?;
-    let mut encoder = png::Encoder::new(BufWriter::new(file), size.0, size.1);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    let rgb: Vec<u8> = rgba
-        .chunks_exact(4)
-        .flat_map(|p| [p[0], p[1], p[2]])
-        .collect();
-    let mut writer = encoder.write_header().map_err(|e| file_failure(path, e))?;
-    writer
-        .write_image_data(&rgb)
-        .map_err(|e| file_failure(path, e))?;
-    writer.finish().map_err(|e| file_failure(path, e))
-}
-
 /// Writes one channel as a PFM: little endian (negative scale), rows from the bottom (P. Debevec's format, as Netpbm's
 /// pfm(5) describes it).
 fn write_pfm(path: &Path, size: Size, rows_from_top: &[f32]) -> Result<(), Failure> {
     let write = || -> std::io::Result<()> {
         let mut file = BufWriter::new(File::create(path)?);
-        write!(file, "Pf\n{} {}\n-1.0\n", size.0, size.1)?;
-        for row in rows_from_top.chunks_exact(size.0 as usize).rev() {
+        write!(file, "Pf\n{} {}\n-1.0\n", size.width_px, size.height_px)?;
+        for row in rows_from_top.chunks_exact(size.width_px as usize).rev() {
             for value in row {
                 file.write_all(&value.to_le_bytes())?;
             }
@@ -460,7 +489,15 @@ mod tests {
     #[test]
     fn a_pfm_is_written_from_the_bottom() {
         let path = std::env::temp_dir().join(format!("glasswing-{}.pfm", std::process::id()));
-        write_pfm(&path, Size(2, 2), &[1.0, 2.0, 3.0, f32::INFINITY]).expect("written");
+        write_pfm(
+            &path,
+            Size {
+                width_px: 2,
+                height_px: 2,
+            },
+            &[1.0, 2.0, 3.0, f32::INFINITY],
+        )
+        .expect("written");
         let bytes = std::fs::read(&path).expect("read");
         std::fs::remove_file(&path).expect("removed");
         let header = b"Pf\n2 2\n-1.0\n";
