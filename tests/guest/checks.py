@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import sys
 import time
 import traceback
@@ -300,6 +301,8 @@ def main():
             print(f"not asked for: {function.__name__.replace('_', ' ')}")
     shutil.rmtree(options.out, ignore_errors=True)
     os.makedirs(options.out)
+    # Told to end, it ends the guest too.
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     started, guest = time.monotonic(), None
     try:
         kernel = machine.Kernel(os.path.join(os.environ["GLASSWING_CACHE"], "guest"))
