@@ -9,6 +9,8 @@ in vec3 v_position;
 
 uniform sampler2D surface;    // normal east and north, water, void
 uniform sampler2D coarser;    // the same of the coarser level
+uniform vec3 key;             // towards the lights, unit vectors east, north, up
+uniform vec3 fill;
 uniform vec4 haze;            // colour; 1 / distance at which 63 % of it is reached, 1/m
 
 out vec4 o_colour;
@@ -20,29 +22,30 @@ void main() {
     o_colour = vec4(uvec4(bits, bits >> 8, bits >> 16, bits >> 24) & 255u) / 255.0;
 }
 #else
-// Towards the light: from the north-west, 40 degrees high; and a weaker one from the south-west, so that slopes along
-// the first are still told apart.
-const vec3 KEY = vec3(-0.5417, 0.5417, 0.6428);
-const vec3 FILL = vec3(-0.6124, -0.6124, 0.5);
-
+// Bottom of a valley to summit.
 vec3 tint(float height) {
-    vec3 c = mix(vec3(0.34, 0.46, 0.25), vec3(0.50, 0.53, 0.29), smoothstep(0.0, 600.0, height));
-    c = mix(c, vec3(0.68, 0.57, 0.36), smoothstep(400.0, 1400.0, height));
-    c = mix(c, vec3(0.58, 0.45, 0.31), smoothstep(1400.0, 2600.0, height));
-    c = mix(c, vec3(0.60, 0.55, 0.50), smoothstep(2600.0, 3800.0, height));
-    return mix(c, vec3(0.94, 0.95, 0.97), smoothstep(3800.0, 5400.0, height));
+    vec3 c = mix(vec3(0.34, 0.47, 0.28), vec3(0.47, 0.53, 0.31), smoothstep(0.0, 600.0, height));
+    c = mix(c, vec3(0.63, 0.58, 0.39), smoothstep(500.0, 1500.0, height));
+    c = mix(c, vec3(0.60, 0.49, 0.36), smoothstep(1500.0, 2500.0, height));
+    c = mix(c, vec3(0.66, 0.61, 0.56), smoothstep(2500.0, 3700.0, height));
+    return mix(c, vec3(0.96, 0.96, 0.97), smoothstep(3700.0, 5200.0, height));
 }
 
 void main() {
-    vec4 s = mix(texture(surface, v_texel.xy), texture(coarser, v_texel.zw), v_ground.y);
+    // There are no smaller levels of detail, so a fetch needs no derivatives and may stand in a branch.
+    vec4 s = textureLod(surface, v_texel.xy, 0.0);
+    if (v_ground.y > 0.0) {
+        s = mix(s, textureLod(coarser, v_texel.zw, 0.0), v_ground.y);
+    }
     // Byte 128 is exactly 0, see terrain::surface::encode_normal.
     vec2 slope = s.xy * (255.0 / 127.0) - (128.0 / 127.0);
     vec3 normal = vec3(slope, sqrt(max(1.0 - dot(slope, slope), 0.0)));
-    float key = max(dot(normal, KEY), 0.0);
-    float fill = max(dot(normal, FILL), 0.0);
+    // Steep ground shows its rock; gentle relief is drawn steeper than it is, so that a plain is not a blank.
+    float steep = smoothstep(0.10, 0.45, 1.0 - normal.z);
+    vec3 land = mix(tint(v_ground.x), vec3(0.50, 0.45, 0.40), 0.5 * steep);
+    vec3 drawn = normalize(vec3((2.6 - 1.2 * steep) * normal.xy, normal.z));
     // 1 on level ground.
-    float light = 0.30 + 0.87 * key + 0.28 * fill;
-    vec3 land = tint(v_ground.x) * light;
+    land *= 0.40 + 0.75 * max(dot(drawn, key), 0.0) + 0.28 * max(dot(drawn, fill), 0.0);
     vec3 water = vec3(0.10, 0.34, 0.62);
     vec3 colour = mix(land, water, smoothstep(0.4, 0.6, s.z));
     // Hatching that stands still on the screen: no terrain moves like that.

@@ -28,7 +28,7 @@ fn watched(protocol: Protocol) -> (Decode, Arc<[AtomicU64; 2]>) {
         noted[note].store(allocations_of_this_thread(), Ordering::Release);
         Tally {
             good: c.good,
-            bad: c.bad_total(),
+            bad: [c.bad_total(), 0, 0, 0, 0, 0, 0, 0],
             ignored: c.ignored,
         }
     });

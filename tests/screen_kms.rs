@@ -12,7 +12,7 @@
     clippy::panic,
     reason = "a test fails by panicking"
 )]
-#![expect(clippy::print_stdout, reason = "for who looks at a run in the guest")]
+#![expect(clippy::print_stdout, reason = "said to whoever looks at the glass")]
 
 mod support;
 
@@ -21,7 +21,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use glasswing::gl::Gpu;
-use glasswing::gl::buffer::{Primitive, VertexArray};
+use glasswing::gl::buffer::{Attribute, Primitive, Role, Scalar, Stream, VertexArray};
 use glasswing::gl::program::Program;
 use glasswing::gl::target::Target;
 use glasswing::screen::kms::{self, Kms};
@@ -55,56 +55,101 @@ fn open(wishes: &Wishes) -> Option<Kms> {
     }
 }
 
+/// A rectangle of one colour: left, top, right, bottom in pixels from the top left corner.
+type Rectangle = ([f32; 4], [u8; 4]);
+
+/// A corner of a rectangle: where, in pixels from the top left corner, and its colour.
+#[repr(C)]
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+struct Corner {
+    at_px: [f32; 2],
+    colour: [u8; 4],
+}
+
 /// A picture that shows every mistake of orientation, order of colours and size: a red, a green, a blue and a white
-/// quarter (from the top left, by rows), a white frame one pixel wide, and a dark bar at column `bar`.
+/// quarter (from the top left, by rows), a white frame one pixel wide, and a dark bar around column `bar`.
 struct Picture {
     gpu: Rc<Gpu>,
     program: Program,
-    array: VertexArray,
+    corners: Stream,
+    arrays: Vec<VertexArray>,
 }
 
 impl Picture {
     fn new(gpu: &Rc<Gpu>) -> Self {
         let vert = "
+            layout(location = 0) in vec2 at_px;
+            layout(location = 1) in vec4 colour;
+            uniform vec2 u_size_px;
+            flat out mediump vec4 v_colour;
             void main() {
-                vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0;
-                gl_Position = vec4(corner, 0.0, 1.0);
+                v_colour = colour;
+                vec2 unit = at_px / u_size_px;
+                gl_Position = vec4(unit.x * 2.0 - 1.0, 1.0 - unit.y * 2.0, 0.0, 1.0);
             }";
         let frag = "
-            uniform vec3 u_size_and_bar;
+            flat in mediump vec4 v_colour;
             out mediump vec4 o_colour;
-            void main() {
-                vec2 size = u_size_and_bar.xy;
-                vec2 at = vec2(gl_FragCoord.x, size.y - gl_FragCoord.y);
-                bool right = at.x > size.x * 0.5;
-                bool low = at.y > size.y * 0.5;
-                vec3 colour = low ? (right ? vec3(1.0) : vec3(0.0, 0.0, 1.0))
-                                  : (right ? vec3(0.0, 1.0, 0.0) : vec3(1.0, 0.0, 0.0));
-                vec2 edge = min(at, size - at);
-                if (min(edge.x, edge.y) < 1.0) colour = vec3(1.0);
-                if (abs(at.x - u_size_and_bar.z) < 4.0) colour = vec3(0.2, 0.2, 0.2);
-                o_colour = vec4(colour, 1.0);
-            }";
+            void main() { o_colour = v_colour; }";
+        let corners = Stream::new(gpu, Role::Vertex, 64 * size_of::<Corner>()).unwrap();
+        let attribute = |location, components, scalar, offset_bytes| Attribute {
+            location,
+            components,
+            scalar,
+            offset_bytes,
+        };
+        let attributes = [
+            attribute(0, 2, Scalar::F32, 0),
+            attribute(1, 4, Scalar::U8Unit, 8),
+        ];
+        let arrays = corners
+            .regions()
+            .iter()
+            .map(|region| VertexArray::new(gpu, region, 12, &attributes, None).unwrap())
+            .collect();
         Self {
             gpu: Rc::clone(gpu),
             program: Program::new(gpu, "test picture", vert, frag).unwrap(),
-            array: VertexArray::empty(gpu).unwrap(),
+            corners,
+            arrays,
         }
     }
 
-    fn draw(&self, target: &Target, bar: f32) {
+    fn draw(&mut self, target: &Target, bar: f32) {
         let (width, height) = target.size_px();
-        let (width, height) = (
-            u16::try_from(width).unwrap(),
-            u16::try_from(height).unwrap(),
-        );
-        let at = self.program.uniform("u_size_and_bar").unwrap();
+        let side = |px: u32| f32::from(u16::try_from(px).unwrap());
+        let (w, h, x, y) = (side(width), side(height), side(width / 2), side(height / 2));
+        let rectangles: [Rectangle; 5] = [
+            ([1.0, 1.0, x, y], [255, 0, 0, 255]),
+            ([x, 1.0, w - 1.0, y], [0, 255, 0, 255]),
+            ([1.0, y, x, h - 1.0], [0, 0, 255, 255]),
+            ([x, y, w - 1.0, h - 1.0], [255, 255, 255, 255]),
+            ([bar - 4.0, 0.0, bar + 4.0, h], [51, 51, 51, 255]),
+        ];
+        let corners: Vec<Corner> = rectangles
+            .iter()
+            .flat_map(|([left, top, right, bottom], colour)| {
+                [
+                    [*left, *top],
+                    [*right, *top],
+                    [*left, *bottom],
+                    [*left, *bottom],
+                    [*right, *top],
+                    [*right, *bottom],
+                ]
+                .map(|at_px| Corner {
+                    at_px,
+                    colour: *colour,
+                })
+            })
+            .collect();
+        let size = self.program.uniform("u_size_px").unwrap();
         target.bind();
-        self.gpu.clear([0.0, 0.0, 0.0, 1.0]);
+        self.gpu.clear([1.0; 4]);
         self.program.bind();
-        self.program
-            .set_f32(&at, &[width.into(), height.into(), bar]);
-        self.array.draw(Primitive::Triangles, 0, 3);
+        self.program.set_f32(&size, &[w, h]);
+        let region = self.corners.write(&corners);
+        self.arrays[region].draw(Primitive::Triangles, 0, 30);
         self.gpu.end_frame().unwrap();
     }
 }
@@ -159,7 +204,7 @@ fn thirty_frames_are_flipped_in_order_and_the_last_one_stays() {
         let gpu = Gpu::new(&|name| kms.gl_proc(name)).unwrap();
         println!("GL {} on {}", gpu.caps().version, gpu.caps().renderer);
         let window = Target::window(&gpu, width, height);
-        let picture = Picture::new(&gpu);
+        let mut picture = Picture::new(&gpu);
         for frame in 0_u8..30 {
             picture.draw(&window, BAR - 10.0 * f32::from(29 - frame));
             if frame == 29 {

@@ -15,7 +15,7 @@ use crate::screen::Screen;
 use crate::signal::SourceId;
 use crate::state::Fusion;
 use crate::time::Monotonic;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -211,17 +211,8 @@ fn frame_writer(
 
 /// The figures of a run with those of its sources.
 #[must_use]
-pub fn with_sources(mut figures: Value, sources: &[SourceThread]) -> Value {
-    let rows: Vec<Value> = sources
-        .iter()
-        .map(|source| {
-            let f = source.figures().snapshot();
-            json!({
-                "name": source.name(), "good": f.good, "bad": f.bad, "ignored": f.ignored,
-                "dropped": f.dropped, "reopened": f.reopened,
-            })
-        })
-        .collect();
+pub fn with_sources(mut figures: Value, threads: &[SourceThread]) -> Value {
+    let rows = threads.iter().map(sources::to_json).collect();
     figures["sources"] = Value::Array(rows);
     figures
 }

@@ -1,9 +1,12 @@
 //! Where buses meet protocols: starts the listening thread of each source.
 
 use super::error::{Failure, Kind};
-use crate::bus::{self, BusError, Decode, Endpoint, SourceConfig, SourceHandle, Tally};
-use crate::proto::Protocol;
+use crate::bus::{
+    self, BAD_KINDS, BusError, Decode, Endpoint, SourceConfig, SourceHandle, SourceThread, Tally,
+};
+use crate::proto::{Counters, Fault, Protocol};
 use crate::signal::SourceId;
+use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
 
 /// Listens to a UDP socket. See [`bus::spawn`].
@@ -63,9 +66,36 @@ fn decode(protocol: Protocol) -> Decode {
         let counters = decoder.counters();
         Tally {
             good: counters.good,
-            bad: counters.bad_total(),
+            bad: bad_by_kind(counters),
             ignored: counters.ignored,
         }
+    })
+}
+
+/// In the order of [`Fault::ALL`].
+fn bad_by_kind(counters: &Counters) -> [u64; BAD_KINDS] {
+    std::array::from_fn(|kind| Fault::ALL.get(kind).map_or(0, |fault| counters.bad(*fault)))
+}
+
+const _: () = assert!(
+    Fault::ALL.len() <= BAD_KINDS,
+    "each kind has a place of its own"
+);
+
+/// The figures of a source as `run --stats` tells them.
+#[must_use]
+pub fn to_json(source: &SourceThread) -> Value {
+    let f = source.figures().snapshot();
+    let kinds: serde_json::Map<String, Value> = Fault::ALL
+        .iter()
+        .zip(f.bad_by_kind)
+        .filter(|(_, n)| *n > 0)
+        .map(|(fault, n)| (fault.name().to_owned(), n.into()))
+        .collect();
+    json!({
+        "name": source.name(), "good": f.good, "bad": f.bad, "bad_by_kind": kinds,
+        "ignored": f.ignored, "dropped": f.dropped, "reopened": f.reopened,
+        "device_faults": f.faults, "foreign": f.foreign,
     })
 }
 

@@ -200,15 +200,23 @@ fn bake(args: &BakeArgs) -> Result<(), Failure> {
 }
 
 fn synth(args: &SynthArgs) -> Result<(), Failure> {
+    let info = synthesise(&args.out, args.seed)?;
+    println!("{}: {}", args.out.display(), summary(&info));
+    Ok(())
+}
+
+/// Writes the demo terrain of a seed, with a progress bar where stderr is a terminal.
+///
+/// # Errors
+/// If the pack cannot be written.
+pub fn synthesise(out: &Path, seed: u64) -> Result<PackInfo, Failure> {
     let bar = progress_bar();
-    let made = synth::bake(args.seed, &args.out, jobs(None), &mut |done, all| {
+    let made = synth::bake(seed, out, jobs(None), &mut |done, all| {
         bar.set_length(all as u64);
         bar.set_position(done as u64);
     });
     bar.finish_and_clear();
-    let info = made.map_err(|why| cannot_write(&args.out, why))?;
-    println!("{}: {}", args.out.display(), summary(&info));
-    Ok(())
+    made.map_err(|why| cannot_write(out, why))
 }
 
 fn cannot_write(path: &Path, why: std::io::Error) -> Failure {

@@ -24,13 +24,16 @@ use std::time::Duration;
 /// The longest that a thread waits for a frame before it looks whether it should stop.
 const WAIT: Duration = Duration::from_millis(50);
 
+/// Kinds of bad frames that a decoder may tell apart.
+pub const BAD_KINDS: usize = 8;
+
 /// Running totals of a decoder: every frame is good, bad or ignored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
     /// Whole, well-formed frames.
     pub good: u64,
-    /// Frames with something wrong.
-    pub bad: u64,
+    /// Frames with something wrong, by kind; which kind is which is the decoder's business.
+    pub bad: [u64; BAD_KINDS],
     /// Somebody else's frames.
     pub ignored: u64,
 }
@@ -184,7 +187,7 @@ impl BusError {
 #[derive(Debug, Default)]
 pub struct SourceFigures {
     good: AtomicU64,
-    bad: AtomicU64,
+    bad: [AtomicU64; BAD_KINDS],
     ignored: AtomicU64,
     dropped: AtomicU64,
     reopened: AtomicU64,
@@ -199,6 +202,8 @@ pub struct Figures {
     pub good: u64,
     /// Frames with something wrong.
     pub bad: u64,
+    /// The same by kind, see [`Tally::bad`].
+    pub bad_by_kind: [u64; BAD_KINDS],
     /// Somebody else's frames.
     pub ignored: u64,
     /// Signals lost because the ring was full.
@@ -224,9 +229,11 @@ impl SourceFigures {
     #[must_use]
     pub fn snapshot(&self) -> Figures {
         let get = |figure: &AtomicU64| figure.load(Ordering::Acquire);
+        let bad_by_kind = std::array::from_fn(|kind| get(&self.bad[kind]));
         Figures {
             good: get(&self.good),
-            bad: get(&self.bad),
+            bad: bad_by_kind.iter().sum(),
+            bad_by_kind,
             ignored: get(&self.ignored),
             dropped: get(&self.dropped),
             reopened: get(&self.reopened),
@@ -241,7 +248,9 @@ impl SourceFigures {
 
     fn store(&self, tally: Tally) {
         self.good.store(tally.good, Ordering::Release);
-        self.bad.store(tally.bad, Ordering::Release);
+        for (figure, bad) in self.bad.iter().zip(tally.bad) {
+            figure.store(bad, Ordering::Release);
+        }
         self.ignored.store(tally.ignored, Ordering::Release);
     }
 }

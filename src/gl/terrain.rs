@@ -24,7 +24,7 @@ use crate::terrain::scene::{
 };
 use crate::terrain::stream::{NoTerrain, Sink};
 use crate::terrain::surface::TileSource;
-use crate::units::Metres;
+use crate::units::{Metres, Radians};
 
 /// Table textures in rotation: one being written, two that the GPU may still read.
 const TABLES: usize = 3;
@@ -112,6 +112,7 @@ struct Shader {
     clip: [UniformLocation; 3],
     depth: UniformLocation,
     haze: Option<UniformLocation>,
+    lights: Option<[UniformLocation; 2]>,
 }
 
 /// Texture units.
@@ -151,6 +152,9 @@ impl Shader {
             ],
             depth: program.uniform("depth")?,
             haze: colour_only("haze")?,
+            lights: colour_only("key")?
+                .zip(colour_only("fill")?)
+                .map(Into::into),
             program,
         })
     }
@@ -361,6 +365,10 @@ impl TerrainRenderer {
             if let Some(at) = &shader.haze {
                 gl.uniform_4_f32_slice(Some(at), &haze);
             }
+            if let Some([key, fill]) = &shader.lights {
+                gl.uniform_3_f32_slice(Some(key), &light(plan.heading, KEY_LIGHT_DEG));
+                gl.uniform_3_f32_slice(Some(fill), &light(plan.heading, FILL_LIGHT_DEG));
+            }
         }
     }
 
@@ -421,6 +429,24 @@ impl TerrainRenderer {
             gl.depth_range_f32(level.slice.0, level.slice.1);
         }
     }
+}
+
+/// Where the lights stand: degrees clockwise from the view's heading, and degrees above the horizon. Maps are lit from the
+/// upper left because relief then reads as relief; in a forward view that is from the left. A light that
+/// stood in the north-west would come from behind on a south-easterly heading and flatten everything. The weaker one tells
+/// slopes along the first apart.
+const KEY_LIGHT_DEG: (f64, f64) = (-88.0, 40.0);
+const FILL_LIGHT_DEG: (f64, f64) = (70.0, 25.0);
+
+/// The unit vector east, north, up towards a light.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "numbers for the shader, which is f32"
+)]
+fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64)) -> [f32; 3] {
+    let (sin, cos) = (heading.0 + azimuth_deg.to_radians()).sin_cos();
+    let (up, along) = elevation_deg.to_radians().sin_cos();
+    [(along * sin) as f32, (along * cos) as f32, up as f32]
 }
 
 /// Clear colour whose bytes are the f32 +infinity: no terrain.

@@ -1,7 +1,7 @@
 //! Compressed .hgt files: a .zip that holds one, and .hgt.gz.
 
 use crate::terrain::input::InputError;
-use crate::terrain::pack::CRC;
+use crate::terrain::pack_format::CRC;
 use miniz_oxide::inflate::decompress_to_vec_with_limit;
 use std::io::{Cursor, Read};
 

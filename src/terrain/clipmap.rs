@@ -23,10 +23,10 @@ const CENTRING_POSTS: f64 = 1.5;
 
 /// How far the centre of the blend may be from the window's centre, in posts. A window that lags more than this blends
 /// around this point instead of around the eye, so that its edge still meets the next level exactly.
-const MORPH_LAG_POSTS: f64 = 4.0;
+const MORPH_LAG_POSTS: f64 = 2.0;
 
 /// Share of a window's half-width over which it blends into the next coarser level.
-const MORPH_SHARE: f64 = 0.2;
+const MORPH_SHARE: f64 = 0.15;
 
 /// Latitude beyond which nothing is drawn: a geographic grid has no useful posts there.
 const LATITUDE_MAX_DEG: f64 = 89.0;
@@ -36,17 +36,18 @@ const LATITUDE_MAX_DEG: f64 = 89.0;
 pub struct Shape(u8);
 
 impl Shape {
-    /// The largest: 255 vertices a side.
-    pub const LARGEST: Self = Self(255);
+    /// 239 vertices a side.
+    pub const DEFAULT: Self = Self(239);
 
-    /// A level of `vertices` a side. `None` unless it is 127, 191 or 255.
+    /// A level of `vertices` a side: 127 to 255, one less than a multiple of 16, so that blocks and the edges of nested
+    /// windows fit. `None` for any other number.
     #[must_use]
     pub const fn new(vertices: u32) -> Option<Self> {
-        match vertices {
-            127 => Some(Self(127)),
-            191 => Some(Self(191)),
-            255 => Some(Self(255)),
-            _ => None,
+        if vertices >= 127 && vertices <= 255 && (vertices + 1).is_multiple_of(16) {
+            #[expect(clippy::cast_possible_truncation, reason = "at most 255, just checked")]
+            Some(Self(vertices as u8))
+        } else {
+            None
         }
     }
 
@@ -72,11 +73,12 @@ impl Shape {
         }
     }
 
-    /// The longest side of a block in cells: a window is at most eight blocks wide, and what is left of it beside a finer
-    /// window (62 to 65 cells of 254) is two.
+    /// The longest side of a block in cells: a window is 15 blocks wide, and what is left of it beside a finer window (62 to
+    /// 65 cells of 254) is four. Measured on a view of the Andes with 255 vertices: blocks of twice the side draw a fifth
+    /// more triangles (the frustum cuts coarser), blocks of half of it a sixth more vertices (more of them are shared).
     #[must_use]
     pub const fn block_cells(self) -> i32 {
-        (self.0 as i32 + 1) / 8 + 1
+        (self.0 as i32 + 1) / 16 + 1
     }
 
     fn half(self) -> f64 {
@@ -332,7 +334,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn windows_are_even_and_centred(shape in shapes(), x in -3e5..3e5f64, y in -1e5..1e5f64) {
+        fn windows_are_even_and_centred(shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64) {
             let w = Window::around(shape, x, y, None);
             prop_assert_eq!((w.i % 2, w.j % 2), (0, 0));
             prop_assert!((f64::from(w.i) + shape.half() - x).abs() <= 1.0);
@@ -342,7 +344,7 @@ mod tests {
 
         #[test]
         fn a_window_nests_in_the_next_with_its_blend_complete_at_the_edge_and_nil_at_the_hole(
-            shape in shapes(), x in -3e5..3e5f64, y in -1e5..1e5f64,
+            shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64,
         ) {
             let fine = Window::around(shape, x, y, None);
             let coarse = Window::around(shape, x / 2.0, y / 2.0, None);
@@ -355,33 +357,33 @@ mod tests {
                     (hole.x0 + k, hole.y0), (hole.x0 + k, hole.y1),
                     (hole.x0, hole.y0 + k), (hole.x1, hole.y0 + k),
                 ] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 0.0f64.to_bits());
+                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 0.0_f64.to_bits());
                 }
             }
             let w = shape.cells();
             for k in 0..=w {
                 for (x, y) in [(k, 0), (k, w), (0, k), (w, k)] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0f64.to_bits());
+                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0_f64.to_bits());
                 }
             }
         }
 
         #[test]
         fn a_lagging_window_still_blends_completely_at_its_edge(
-            shape in shapes(), lag_x in -200.0..200.0f64, lag_y in -200.0..200.0f64,
+            shape in shapes(), lag_x in -200.0..200.0_f64, lag_y in -200.0..200.0_f64,
         ) {
             let w = Window { i: 0, j: 0 };
             let morph = Morph::new(shape, w, shape.half() + lag_x, shape.half() + lag_y);
             for k in 0..=shape.cells() {
                 for (x, y) in [(k, 0), (k, shape.cells()), (0, k), (shape.cells(), k)] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0f64.to_bits());
+                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0_f64.to_bits());
                 }
             }
         }
 
         #[test]
         fn torus_parts_address_every_post_once(
-            i in -5000..5000i32, j in -5000..5000i32, width in 1..=128usize, height in 1..=128usize,
+            i in -5000..5000_i32, j in -5000..5000_i32, width in 1..=128_usize, height in 1..=128_usize,
         ) {
             let mut seen = vec![false; 128 * 128];
             for part in torus_parts(128, (i, j), width, height) {

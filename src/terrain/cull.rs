@@ -4,12 +4,16 @@
 use crate::geo::{Camera, Geodetic, WGS84_A_M, WGS84_B_M};
 use glam::{DMat3, DVec3};
 
-/// A sphere around a block of terrain, Earth-centred, with the block's greatest height.
+/// A block of terrain as culling sees it: its corners and a sphere around them, Earth-centred, metres.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
     centre: DVec3,
     radius_m: f64,
     height_max_m: f64,
+    /// At the lowest height, then at the greatest.
+    corners: [DVec3; 8],
+    /// How far the block can bulge beyond its corners.
+    bulge_m: f64,
 }
 
 /// A patch of terrain: its sides in degrees, its heights in metres above the ellipsoid.
@@ -30,27 +34,45 @@ pub struct Patch {
 }
 
 impl Bound {
-    /// Around a patch. The farthest points from the middle of a patch are its corners, at its lowest or greatest height
-    /// (a patch is at most 5 degrees wide); 1 % is added for the bulge of its sides.
+    /// Around a patch, at most a few degrees wide. Its farthest points from its middle are corners; between corners its
+    /// sides leave the straight line by at most an eighth of their length squared over the Earth's radius, twice that
+    /// where a side of constant latitude turns on a small circle (up to 63 degrees; beyond, the length shrinks faster).
     #[must_use]
     pub fn of(patch: &Patch) -> Self {
         let at = |lat: f64, lon: f64, h: f64| Geodetic::from_degrees(lat, lon, h).to_ecef();
+        let (low, high) = (patch.height_min_m, patch.height_max_m);
+        let mut corners = [DVec3::ZERO; 8];
+        let sides = [
+            (patch.south_deg, patch.west_deg),
+            (patch.south_deg, patch.east_deg),
+            (patch.north_deg, patch.west_deg),
+            (patch.north_deg, patch.east_deg),
+        ];
+        for (at_corner, (lat, lon)) in sides.into_iter().enumerate() {
+            let (sin_lat, cos_lat) = lat.to_radians().sin_cos();
+            let (sin_lon, cos_lon) = lon.to_radians().sin_cos();
+            let up = DVec3::new(cos_lat * cos_lon, cos_lat * sin_lon, sin_lat);
+            corners[at_corner] = at(lat, lon, low);
+            corners[at_corner + 4] = corners[at_corner] + up * (high - low);
+        }
         let centre = at(
             f64::midpoint(patch.south_deg, patch.north_deg),
             f64::midpoint(patch.west_deg, patch.east_deg),
-            f64::midpoint(patch.height_min_m, patch.height_max_m),
+            f64::midpoint(low, high),
         );
-        let mut radius_m: f64 = 0.0;
-        for lat in [patch.south_deg, patch.north_deg] {
-            // Both ends of a side of constant latitude are equally far from the middle.
-            for h in [patch.height_min_m, patch.height_max_m] {
-                radius_m = radius_m.max((at(lat, patch.west_deg, h) - centre).length());
-            }
-        }
+        let radius_m = corners
+            .iter()
+            .map(|&c| (c - centre).length())
+            .fold(0.0, f64::max);
+        let across_m = (corners[3] - corners[0])
+            .length()
+            .max((corners[2] - corners[1]).length());
         Self {
             centre,
             radius_m: radius_m * 1.01 + 1.0,
-            height_max_m: patch.height_max_m,
+            height_max_m: high,
+            corners,
+            bulge_m: across_m * across_m / (4.0 * WGS84_B_M) + 1.0,
         }
     }
 }
@@ -122,6 +144,9 @@ impl Viewer {
         if p.z > r || outside(p.x, self.right) || outside(p.y, self.top) {
             return None;
         }
+        if self.all_outside_one_plane(bound) {
+            return None;
+        }
         let scaled_r = r / self.occluder.z;
         let top = 1.0 + (bound.height_max_m + WGS84_B_M - self.occluder.z) / self.occluder.z;
         let reach = self.horizon + (top * top - 1.0).max(0.0).sqrt();
@@ -129,12 +154,29 @@ impl Viewer {
             return None;
         }
         let distance = to.length();
-        // The surface at a greater height than all of the block is at least the difference of heights away.
+        // A surface higher than all of the block is at least the difference of heights away.
         let above = self.eye_height_m - bound.height_max_m;
         Some(Span {
             near_m: (distance - r).max(above),
             far_m: distance + r,
         })
+    }
+
+    /// Whether all corners lie outside one side of the picture by more than the block can bulge.
+    fn all_outside_one_plane(&self, bound: &Bound) -> bool {
+        let mut inside = [false; 4];
+        for &corner in &bound.corners {
+            let p = self.ecef_to_eye * (corner - self.eye);
+            let (x, y) = (p.x * self.right.0, p.y * self.top.0);
+            let (wide, high) = (-p.z * self.right.1, -p.z * self.top.1);
+            for (at, distance) in [wide - x, wide + x, high - y, high + y]
+                .into_iter()
+                .enumerate()
+            {
+                inside[at] |= distance >= -bound.bulge_m;
+            }
+        }
+        inside != [true; 4]
     }
 }
 
@@ -158,10 +200,10 @@ mod tests {
     proptest! {
         #[test]
         fn a_block_with_a_point_in_the_picture_is_seen(
-            lat in -80.0..80.0f64, lon in -180.0..180.0f64, h in 0.0..18_000.0f64,
-            heading in 0.0..360.0f64, pitch in -90.0..90.0f64, roll in -180.0..180.0f64,
-            dlat in -1.0..1.0f64, dlon in -1.0..1.0f64, size in 0.001..3.0f64,
-            fx in 0.0..1.0f64, fy in 0.0..1.0f64, fh in 0.0..1.0f64, relief in 0.0..5000.0f64,
+            lat in -80.0..80.0_f64, lon in -180.0..180.0_f64, h in 0.0..18_000.0_f64,
+            heading in 0.0..360.0_f64, pitch in -90.0..90.0_f64, roll in -180.0..180.0_f64,
+            dlat in -1.0..1.0_f64, dlon in -1.0..1.0_f64, size in 0.001..3.0_f64,
+            fx in 0.0..1.0_f64, fy in 0.0..1.0_f64, fh in 0.0..1.0_f64, relief in 0.0..5000.0_f64,
         ) {
             let camera = camera(lat, lon, h, (heading, pitch, roll), 60.0);
             let patch = Patch {

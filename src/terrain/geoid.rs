@@ -5,7 +5,8 @@
 //! is baked. Bilinear interpolation in a 15' grid is how EGM96 is commonly distributed and used (NGA's WW15MGH grid).
 
 use crate::terrain::grid::Grid;
-use crate::terrain::pack::{PostRect, i32_at, u32_at};
+use crate::terrain::pack::PostRect;
+use crate::terrain::pack_format::{i32_at, u32_at};
 use crate::units::Radians;
 
 /// Nodes per degree.

@@ -102,6 +102,86 @@ impl Grid {
     }
 }
 
+/// A rectangle of level-0 posts, all four sides inclusive. `east` may pass 180 degrees; `west` never does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PostRect {
+    /// Southernmost row.
+    pub south: i32,
+    /// Westernmost column.
+    pub west: i32,
+    /// Northernmost row.
+    pub north: i32,
+    /// Easternmost column.
+    pub east: i32,
+}
+
+impl PostRect {
+    /// Whether it holds the post at canonical column `i` and row `j`.
+    #[must_use]
+    pub fn contains(&self, grid: Grid, i: i32, j: i32) -> bool {
+        let columns = self.west..=self.east;
+        (self.south..=self.north).contains(&j)
+            && (columns.contains(&i) || columns.contains(&(i + grid.posts_around())))
+    }
+
+    /// The smallest rectangle around all of them; `None` if there are none.
+    #[must_use]
+    pub fn around(rects: impl Iterator<Item = Self>) -> Option<Self> {
+        rects.reduce(|a, b| Self {
+            south: a.south.min(b.south),
+            west: a.west.min(b.west),
+            north: a.north.max(b.north),
+            east: a.east.max(b.east),
+        })
+    }
+
+    /// What two rectangles share; `None` if nothing.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Option<Self> {
+        let shared = Self {
+            south: self.south.max(other.south),
+            west: self.west.max(other.west),
+            north: self.north.min(other.north),
+            east: self.east.min(other.east),
+        };
+        (shared.south <= shared.north && shared.west <= shared.east).then_some(shared)
+    }
+
+    /// Moved east by a number of posts.
+    #[must_use]
+    pub const fn shifted(&self, posts: i32) -> Self {
+        Self {
+            west: self.west + posts,
+            east: self.east + posts,
+            ..*self
+        }
+    }
+
+    /// The same rectangle in degrees.
+    #[must_use]
+    pub fn bounds(&self, grid: Grid) -> Bounds {
+        Bounds {
+            south_deg: grid.latitude_deg(0, self.south),
+            west_deg: grid.longitude_deg(0, self.west),
+            north_deg: grid.latitude_deg(0, self.north),
+            east_deg: grid.longitude_deg(0, self.east),
+        }
+    }
+}
+
+/// A rectangle in degrees north and east.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Southern latitude.
+    pub south_deg: f64,
+    /// Western longitude.
+    pub west_deg: f64,
+    /// Northern latitude.
+    pub north_deg: f64,
+    /// Eastern longitude; past 180 only in the rectangle of a single source that ends on the date line.
+    pub east_deg: f64,
+}
+
 /// Names one tile: posts `column * 128 .. column * 128 + 128` by `row * 128 .. row * 128 + 128` of its level. Sorted by
 /// level, then row, then column, which is the order of a pack's index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -21,6 +21,7 @@ pub mod height;
 pub mod hgt;
 pub mod input;
 pub mod pack;
+mod pack_format;
 pub mod raster;
 pub mod scene;
 pub mod store;

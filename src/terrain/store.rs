@@ -4,9 +4,8 @@
 use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TileKey};
-use crate::terrain::pack::{
-    CRC, Entry, FORMAT, HEADER_BYTES, Header, PackInfo, PostRect, SourceInfo, rect_bytes,
-};
+use crate::terrain::pack::{FORMAT, HEADER_BYTES, PackInfo, PostRect, SourceInfo};
+use crate::terrain::pack_format::{CRC, Entry, Header, rect_bytes};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 //! of texels a frame that is never passed. The render thread's half of the streaming; the other is [`super::worker`].
 //!
 //! A window moves only in the frame in which the last texel of its strip has been uploaded, so what is drawn is whole
-//! after every frame. A level that the eye has left by more than 64 posts is not drawn until it has been filled anew; until then the
+//! after every frame. A level that the eye has left by more than 48 posts is not drawn until it has been filled anew; until then the
 //! coarser one draws without a hole.
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
@@ -10,8 +10,9 @@ use super::surface::{BATCH_TEXELS, Batch};
 use super::worker::{BATCHES, Job, Parcel, Worker};
 use crate::limits::LEVELS_MAX;
 
-/// A window that is farther than this from where it should be, in posts, is filled anew instead of moved.
-const STRIP_STEPS_MAX: i32 = 64;
+/// A window that is farther than this from where it should be, in posts, is filled anew instead of moved. Less than half of
+/// the smallest window, so that the eye stands inside every window that is drawn.
+const STRIP_STEPS_MAX: i32 = 48;
 /// Side of the squares in which a level is filled.
 const FILL_SIDE: i32 = 64;
 /// Posts across the widest strip: 16 x 255 fit a batch.
@@ -50,6 +51,7 @@ enum Residency {
 struct Level {
     residency: Residency,
     generation: u32,
+    version: u32,
     heights: Vec<[u16; 2]>,
     void: Vec<bool>,
     extremes: Vec<(u16, u16)>,
@@ -87,10 +89,12 @@ pub struct Streamer {
     shape: Shape,
     levels: Vec<Level>,
     worker: Worker,
+    #[expect(
+        clippy::vec_box,
+        reason = "batches travel through rings: a box moves as a pointer"
+    )]
     free: Vec<Box<Batch>>,
     held: Option<Held>,
-    /// Counts changes of what is resident.
-    version: u32,
 }
 
 impl Streamer {
@@ -101,6 +105,7 @@ impl Streamer {
         let level = || Level {
             residency: Residency::Out,
             generation: 0,
+            version: 0,
             heights: vec![UNWRITTEN; texels * texels],
             void: vec![true; texels * texels],
             extremes: vec![(u16::MAX, 0); (texels / EXTREMES_SIDE).pow(2)],
@@ -113,7 +118,6 @@ impl Streamer {
             worker,
             free: std::iter::repeat_with(Box::default).take(BATCHES).collect(),
             held: None,
-            version: 0,
         }
     }
 
@@ -171,10 +175,12 @@ impl Streamer {
         })
     }
 
-    /// Changes whenever anything resident does.
+    /// Changes whenever what a level holds does.
     #[must_use]
-    pub const fn version(&self) -> u32 {
-        self.version
+    pub fn version(&self, level: u8) -> u32 {
+        self.levels
+            .get(usize::from(level))
+            .map_or(0, |level| level.version)
     }
 
     /// The worker's counts of unreadable tiles.
@@ -324,7 +330,7 @@ impl Streamer {
                 }
             }
         };
-        self.version = self.version.wrapping_add(1);
+        level.version = level.version.wrapping_add(1);
         self.free.push(held.parcel.batch);
         None
     }
@@ -368,7 +374,7 @@ impl Streamer {
             next: 0,
             left: n * n,
         };
-        self.version = self.version.wrapping_add(1);
+        level.version = level.version.wrapping_add(1);
     }
 
     /// Asks for the squares of a level that is being filled, as long as there are batches.

@@ -1,11 +1,18 @@
 //! A stand-in for a pack: land from a formula, with tiles that can be made to fail.
 #![allow(dead_code, reason = "each test file uses its own part of this")]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    clippy::expect_used,
+    reason = "made-up land: numbers are small and what fails must say so"
+)]
 
 #[path = "../support/mod.rs"]
-mod support;
+pub(crate) mod support;
 
 use glasswing::gl::Gpu;
-use glasswing::screen::Screen;
+use glasswing::screen::{self, Screen, ScreenError};
 use glasswing::terrain::codec::{SurfaceKind, Tile};
 use glasswing::terrain::grid::{Grid, TileKey};
 use glasswing::terrain::pack::{Bounds, PackInfo, PostRect, TileError, TileReader};
@@ -163,11 +170,23 @@ pub(crate) fn sea(_: i32, _: i32) -> (f64, SurfaceKind) {
     (0.0, SurfaceKind::Water)
 }
 
-/// A GPU and the headless screen that this run asks for.
+/// A GPU without a screen on EGL, or on what `GLASSWING_TEST_SCREEN` names; `None`, and a word on why, where there is none.
 pub(crate) fn gpu(width: u32, height: u32) -> Option<(Rc<Gpu>, Box<dyn Screen>)> {
-    let screen = support::headless_screen(width, height);
-    let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
-    Some((gpu, screen))
+    let opened: Result<Box<dyn Screen>, ScreenError> =
+        match std::env::var("GLASSWING_TEST_SCREEN").as_deref() {
+            Ok("osmesa") => screen::osmesa::open(width, height).map(|s| Box::new(s) as _),
+            _ => screen::surfaceless::open(width, height).map(|s| Box::new(s) as _),
+        };
+    match opened {
+        Ok(screen) => {
+            let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
+            Some((gpu, screen))
+        }
+        Err(e) => {
+            support::skip(&format!("no headless GL here: {e}"));
+            None
+        }
+    }
 }
 
 /// Small deterministic random numbers (SplitMix64, Steele et al. 2014).
