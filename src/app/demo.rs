@@ -26,7 +26,7 @@ use crate::time::Monotonic;
 use crate::units::{Hectopascals, Knots, Metres};
 use serde_json::json;
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
