@@ -1,11 +1,12 @@
 //! The primary flight display in pixels, drawn by the GPU (or its software) without a screen.
 #![expect(clippy::panic, reason = "a test fails by panicking")]
-#![expect(clippy::print_stdout, reason = "a skipped test says so")]
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     reason = "coordinates of pixels inside of small pictures"
 )]
+
+mod support;
 
 use glam::{DVec2, Vec2};
 use glasswing::display::colour;
@@ -17,7 +18,7 @@ use glasswing::gl::Gpu;
 use glasswing::gl::target::Target;
 use glasswing::gl::vector::VectorRenderer;
 use glasswing::sampled::{Invalid, Sampled};
-use glasswing::screen::{Screen as _, surfaceless};
+use glasswing::screen::Screen;
 use glasswing::signal::{Parameter as P, SourceId};
 use glasswing::state::FlightState;
 use glasswing::time::Monotonic;
@@ -43,27 +44,21 @@ struct Bench {
     renderer: VectorRenderer,
     gpu: Rc<Gpu>,
     atlas: Atlas,
-    _screen: surfaceless::Surfaceless,
+    _screen: Box<dyn Screen>,
 }
 
 impl Bench {
-    fn open() -> Option<Self> {
-        let screen = match surfaceless::open(1024, 600) {
-            Ok(screen) => screen,
-            Err(e) => {
-                println!("SKIPPED: no headless EGL: {e}");
-                return None;
-            }
-        };
+    fn open() -> Self {
+        let screen = support::headless_screen(1024, 600);
         let gpu = Gpu::new(&|name| screen.gl_proc(name)).unwrap_or_else(|e| panic!("{e}"));
         let atlas = Atlas::build().unwrap_or_else(|e| panic!("{e}"));
         let renderer = VectorRenderer::new(&gpu, &atlas).unwrap_or_else(|e| panic!("{e}"));
-        Some(Self {
+        Self {
             renderer,
             gpu,
             atlas,
             _screen: screen,
-        })
+        }
     }
 
     /// `list` over black.
@@ -212,9 +207,7 @@ fn seen(picture: &Picture, layout: &Layout, focal: f64) -> (f64, f64) {
 
 #[test]
 fn the_horizon_in_the_pixels_is_where_pitch_and_roll_put_it() {
-    let Some(mut bench) = Bench::open() else {
-        return;
-    };
+    let mut bench = Bench::open();
     for (width, height) in [(1024, 600), (800, 480), (1920, 1080)] {
         for (pitch, roll) in [
             (0.0, 0.0),
@@ -242,9 +235,7 @@ fn the_horizon_in_the_pixels_is_where_pitch_and_roll_put_it() {
 
 #[test]
 fn some_of_the_missing_colour_stays_in_sight_at_any_attitude() {
-    let Some(mut bench) = Bench::open() else {
-        return;
-    };
+    let mut bench = Bench::open();
     for (pitch, roll) in [
         (40.0, 0.0),
         (-60.0, 0.0),
@@ -269,9 +260,7 @@ fn some_of_the_missing_colour_stays_in_sight_at_any_attitude() {
 
 #[test]
 fn edges_between_pixels_are_covered_in_proportion() {
-    let Some(mut bench) = Bench::open() else {
-        return;
-    };
+    let mut bench = Bench::open();
     let mut list = DrawList::new();
     list.rect(Rect::new(10.25, 5.0, 2.25, 10.0), colour::SCALE);
     // Narrower than a pixel: three tenths of it.
@@ -296,9 +285,7 @@ fn edges_between_pixels_are_covered_in_proportion() {
 
 #[test]
 fn nothing_leaves_the_clip_rectangle() {
-    let Some(mut bench) = Bench::open() else {
-        return;
-    };
+    let mut bench = Bench::open();
     let mut list = DrawList::new();
     list.clip(Some(Rect::new(8.0, 8.0, 10.0, 10.0)));
     list.line(
@@ -322,9 +309,7 @@ fn nothing_leaves_the_clip_rectangle() {
 
 #[test]
 fn overlapping_layers_blend_as_their_opacity_says() {
-    let Some(mut bench) = Bench::open() else {
-        return;
-    };
+    let mut bench = Bench::open();
     let mut list = DrawList::new();
     let all = Rect::new(-2.0, -2.0, 40.0, 40.0);
     list.rect(all, colour::SCALE);
@@ -340,9 +325,7 @@ fn overlapping_layers_blend_as_their_opacity_says() {
 
 #[test]
 fn a_failed_attitude_is_a_red_cross_without_sky_or_earth() {
-    let Some(mut bench) = Bench::open() else {
-        return;
-    };
+    let mut bench = Bench::open();
     let mut state = attitude(0.0, 0.0);
     state.set(
         P::Pitch,

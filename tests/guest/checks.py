@@ -8,6 +8,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import sys
 import time
 import traceback
@@ -172,7 +173,7 @@ def the_tests_of_the_screen_pass_on_a_display_without_vertical_blank(bench):
 def the_display_shows_the_same_picture(bench):
     """What the host reads from the scanout is what was drawn without a display."""
     demand(bench.reference is not None, "there is no picture to compare with")
-    bench.holder = bench.guest.start(f"{bench.demo} --still {STILL_S} --out /tmp/still")
+    bench.holder = bench.guest.start(f"{bench.demo} --still {STILL_S} --seconds 3000 --out /tmp/still")
     apart = bench.await_picture(bench.reference, bench.holder, "display.png")
     return f"at most {apart.levels_max} of 255 apart, {100 * apart.beyond:.3f} % of the pixels beyond {LEVELS_APART}"
 
@@ -195,7 +196,7 @@ def a_killed_program_leaves_the_display_usable(bench):
     """The next one gets the card and shows its picture."""
     demand(bench.holder is not None, "no first program was started")
     bench.holder.kill()
-    holder = bench.guest.start(f"{bench.demo} --still {STILL_S} --out /tmp/still")
+    holder = bench.guest.start(f"{bench.demo} --still {STILL_S} --seconds 3000 --out /tmp/still")
     bench.await_picture(bench.reference, holder, "display-again.png")
     holder.kill()
     return ""
@@ -300,6 +301,8 @@ def main():
             print(f"not asked for: {function.__name__.replace('_', ' ')}")
     shutil.rmtree(options.out, ignore_errors=True)
     os.makedirs(options.out)
+    # Told to end, it ends the guest too.
+    signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
     started, guest = time.monotonic(), None
     try:
         kernel = machine.Kernel(os.path.join(os.environ["GLASSWING_CACHE"], "guest"))
