@@ -1,10 +1,16 @@
 //! Baking real and made-up elevation files: every post of a pack against an independent reading of its source.
 
+#![expect(
+    clippy::expect_used,
+    reason = "a test says what it needs and fails where that is not so"
+)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use glasswing::terrain::bake::{BakeError, Heights};
 use glasswing::terrain::codec::SurfaceKind;
+use glasswing::terrain::geotiff;
 use glasswing::terrain::height::{GroundReader, HeightError};
 use glasswing::terrain::pack::{Bounds, Pack};
 use glasswing::units::Radians;
@@ -66,8 +72,8 @@ fn assert_bakes(
     let file = data(name)?;
     let out = support::scratch_dir(&format!("bake_{name}")).join("out.pack");
     let (report, pack) = baked(std::slice::from_ref(&file), &out).expect("a sound file");
-    assert_eq!(report.info.posts, 1201 * 1201);
-    assert!(report.seams.is_empty());
+    assert_eq!(report.info.posts, 1201 * 1201, "{name}");
+    assert!(report.seams.is_empty(), "one file has no neighbours");
     Some(assert_posts_are(&pack, &read(&file, corner.0, corner.1)))
 }
 
@@ -532,4 +538,27 @@ fn unsigned_heights_and_a_transformation_matrix_are_read() {
         (height_m - 6300.0).abs() < 1e-9,
         "the last sample: {height_m}"
     );
+}
+
+#[test]
+fn a_damaged_geotiff_is_read_or_refused_but_never_a_panic() {
+    let step = 1.0 / 3600.0;
+    let strips: Vec<Vec<u8>> = (0..4).map(|n| vec![n; 32]).collect();
+    let mut fields = picture(8, 8, 16, 2);
+    fields.extend([
+        Field::longs(278, &[2]),
+        Field::doubles(33_550, &[step, step, 0.0]),
+        Field::doubles(33_922, &[0.0, 0.0, 0.0, 10.0, 47.0, 0.0]),
+        geokeys(2, &[[2048, 0, 1, 4326]]),
+    ]);
+    let sound = tiff(&strips, 273, 279, fields);
+    assert!(geotiff::read(sound.clone()).is_ok(), "it is sound as it is");
+    for at in 0..sound.len() {
+        for bit in 0..8 {
+            let mut bad = sound.clone();
+            bad[at] ^= 1 << bit;
+            let _ = geotiff::read(bad);
+        }
+        let _ = geotiff::read(sound[..at].to_vec());
+    }
 }

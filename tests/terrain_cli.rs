@@ -1,5 +1,10 @@
 //! `glasswing terrain` as a user runs it: exit codes, and one clear line for everything that can be wrong.
 
+#![expect(
+    clippy::expect_used,
+    reason = "a test says what it needs and fails where that is not so"
+)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Output, Stdio};

@@ -1,5 +1,10 @@
 //! Packs as files: what is written comes back, and whatever is wrong with a file is named.
 
+#![expect(
+    clippy::expect_used,
+    reason = "a test says what it needs and fails where that is not so"
+)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

@@ -2,7 +2,9 @@
 
 #![allow(
     dead_code,
-    reason = "every test includes this module and uses only some of it"
+    clippy::expect_used,
+    clippy::panic,
+    reason = "every test includes this module and uses only some of it; what it needs for a test is there or the test fails"
 )]
 
 use std::fs;
