@@ -135,7 +135,7 @@ pub fn run(command: TerrainCommand) -> Result<(), Failure> {
 fn parse_region(text: &str) -> Result<Bounds, String> {
     let numbers: Vec<f64> = text
         .split(',')
-        .map(|n| n.trim().parse().map_err(|_| format!("`{n}` is no number")))
+        .map(|n| n.trim().parse().map_err(|e| format!("`{n}`: {e}")))
         .collect::<Result<_, _>>()?;
     let &[south_deg, west_deg, north_deg, east_deg] = numbers.as_slice() else {
         return Err("four numbers are wanted: S,W,N,E in degrees".to_owned());

@@ -171,8 +171,11 @@ impl Levels {
             let end = |start: i32| (start + TILE_SIDE - 1) << key.level;
             end(key.south()) < north && east.is_none_or(|east| end(key.west()) < east)
         };
-        let tiles: Vec<(TileKey, OpenTile)> =
-            self.open.extract_if(.., |key, _| done(key)).collect();
+        let ready: Vec<TileKey> = self.open.keys().filter(|k| done(k)).copied().collect();
+        let tiles: Vec<(TileKey, OpenTile)> = ready
+            .into_iter()
+            .filter_map(|key| Some((key, self.open.remove(&key)?)))
+            .collect();
         self.write(&tiles)
     }
 

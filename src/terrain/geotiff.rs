@@ -8,7 +8,7 @@ use crate::terrain::raster::{Geometry, Raster, Samples};
 use std::io::Cursor;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
-use tiff::{TiffError, TiffUnsupportedError};
+use tiff::{ColorType, TiffError, TiffUnsupportedError};
 
 /// The most samples read from one file: 800 MB as floats. A 1/3" tile of one degree has 117 million.
 const SAMPLES_MAX: usize = 200_000_000;
@@ -30,6 +30,9 @@ pub fn read(bytes: Vec<u8>) -> Result<Raster, InputError> {
         .is_some_and(|n| (1..=SAMPLES_MAX).contains(&n));
     if !small_enough {
         return Err(InputError::TiffKind(format!("{columns} x {rows} samples")));
+    }
+    if !matches!(tiff.colortype().map_err(tiff_error)?, ColorType::Gray(_)) {
+        return Err(InputError::TiffKind("more than one band".to_owned()));
     }
     let keys = Keys::read(&mut tiff)?;
     keys.check_crs()?;
@@ -244,6 +247,11 @@ fn samples(tiff: &mut Tiff, columns: usize, rows: usize) -> Result<Samples, Inpu
     }
     .map_err(tiff_error)?;
     let across = columns.div_ceil(width);
+    let wanted = across * rows.div_ceil(height);
+    if chunks as usize != wanted {
+        let what = format!("{chunks} strips or tiles where its size needs {wanted}");
+        return Err(InputError::TiffKind(what));
+    }
     let mut all: Option<Samples> = None;
     for chunk in 0..chunks {
         let (data_width, data_height) = tiff.chunk_data_dimensions(chunk);
@@ -269,10 +277,10 @@ fn samples(tiff: &mut Tiff, columns: usize, rows: usize) -> Result<Samples, Inpu
                 }
             }
             DecodingResult::U16(data) => {
-                place.copy(&data, floats(&mut all, columns * rows)?, f32::from)?
+                place.copy(&data, floats(&mut all, columns * rows)?, f32::from)?;
             }
             DecodingResult::F32(data) => {
-                place.copy(&data, floats(&mut all, columns * rows)?, |s| s)?
+                place.copy(&data, floats(&mut all, columns * rows)?, |s| s)?;
             }
             other => return Err(InputError::TiffKind(sample_type(&other).to_owned())),
         }

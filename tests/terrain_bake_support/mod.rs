@@ -1,0 +1,232 @@
+//! Readers and writers of elevation files that share nothing with the program's own, for the tests of baking.
+
+#![allow(
+    dead_code,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "every test includes this module and uses only some of it; what it needs for a test is there or the test fails"
+)]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+
+use glasswing::terrain::bake::{BakeError, Heights, Job, Report, bake};
+use glasswing::terrain::codec::{SurfaceKind, Tile};
+use glasswing::terrain::grid::TileKey;
+use glasswing::terrain::pack::{Bounds, Pack, TileReader};
+
+/// A square of 1201 x 1201 samples over one degree, rows from the north.
+pub(crate) struct Cell {
+    /// Degrees of the south-west corner.
+    pub(crate) latitude: i32,
+    pub(crate) longitude: i32,
+    pub(crate) samples: Vec<i16>,
+}
+
+impl Cell {
+    /// The sample at a post of the 3" grid, by degrees times 1200.
+    pub(crate) fn at(&self, i: i32, j: i32) -> i16 {
+        let row = (self.latitude + 1) * 1200 - j;
+        let column = i - self.longitude * 1200;
+        self.samples[usize::try_from(row * 1201 + column).expect("inside the cell")]
+    }
+}
+
+pub(crate) fn big_endian(bytes: &[u8]) -> Vec<i16> {
+    bytes
+        .chunks_exact(2)
+        .map(|b| i16::from_be_bytes([b[0], b[1]]))
+        .collect()
+}
+
+/// A raw .hgt.
+pub(crate) fn hgt_cell(path: &Path, latitude: i32, longitude: i32) -> Cell {
+    Cell {
+        latitude,
+        longitude,
+        samples: big_endian(&fs::read(path).expect("test data is readable")),
+    }
+}
+
+/// The only file of a zip archive, by its first local header (APPNOTE 6.3.9, section 4.3.7).
+pub(crate) fn zipped_cell(path: &Path, latitude: i32, longitude: i32) -> Cell {
+    let zip = fs::read(path).expect("test data is readable");
+    let short = |at: usize| usize::from(u16::from_le_bytes([zip[at], zip[at + 1]]));
+    let data = &zip[30 + short(26) + short(28)..];
+    let bytes = miniz_oxide::inflate::decompress_to_vec(data).expect("deflated");
+    Cell {
+        latitude,
+        longitude,
+        samples: big_endian(&bytes),
+    }
+}
+
+/// A little-endian TIFF of 1201 x 1201 uncompressed i16 whose strips follow each other: the largest block of the file.
+pub(crate) fn tiff_cell(path: &Path, latitude: i32, longitude: i32) -> Cell {
+    let file = fs::read(path).expect("test data is readable");
+    let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().expect("4 bytes"));
+    let short = |at: usize| usize::from(u16::from_le_bytes([file[at], file[at + 1]]));
+    let directory = word(4) as usize;
+    let offsets = (0..short(directory))
+        .map(|n| directory + 2 + 12 * n)
+        .find(|at| short(*at) == 273)
+        .expect("strip offsets");
+    let first = word(word(offsets + 8) as usize) as usize;
+    let samples = file[first..first + 2 * 1201 * 1201]
+        .chunks_exact(2)
+        .map(|b| i16::from_le_bytes([b[0], b[1]]))
+        .collect();
+    Cell {
+        latitude,
+        longitude,
+        samples,
+    }
+}
+
+/// Writes a .hgt of 1201 posts a side; `height` is asked for each post, by row from the north and column from the west.
+pub(crate) fn write_hgt(path: &Path, height: impl Fn(i32, i32) -> i16) {
+    let mut bytes = Vec::with_capacity(2 * 1201 * 1201);
+    for row in 0..1201 {
+        for column in 0..1201 {
+            bytes.extend(height(row, column).to_be_bytes());
+        }
+    }
+    fs::write(path, bytes).expect("written");
+}
+
+/// One field of a TIFF directory: tag, type, and its values as bytes.
+pub(crate) struct Field(pub(crate) u16, pub(crate) u16, pub(crate) Vec<u8>);
+
+impl Field {
+    pub(crate) fn shorts(tag: u16, values: &[u16]) -> Self {
+        Self(
+            tag,
+            3,
+            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        )
+    }
+    pub(crate) fn longs(tag: u16, values: &[u32]) -> Self {
+        Self(
+            tag,
+            4,
+            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        )
+    }
+    pub(crate) fn doubles(tag: u16, values: &[f64]) -> Self {
+        Self(
+            tag,
+            12,
+            values.iter().flat_map(|v| v.to_le_bytes()).collect(),
+        )
+    }
+    pub(crate) fn text(tag: u16, value: &str) -> Self {
+        Self(tag, 2, [value.as_bytes(), b"\0"].concat())
+    }
+}
+
+/// A little-endian TIFF (TIFF 6.0, section 2): header, the chunks of the picture, the directory, its longer values. The
+/// chunks' offsets and lengths are put under the tags `offsets` and `lengths`.
+pub(crate) fn tiff(chunks: &[Vec<u8>], offsets: u16, lengths: u16, fields: Vec<Field>) -> Vec<u8> {
+    let mut file = b"II*\0\0\0\0\0".to_vec();
+    let (mut places, mut sizes) = (Vec::new(), Vec::new());
+    let small = |n: usize| u32::try_from(n).expect("a small file");
+    for chunk in chunks {
+        places.push(small(file.len()));
+        sizes.push(small(chunk.len()));
+        file.extend(chunk);
+    }
+    let mut fields = fields;
+    fields.push(Field::longs(offsets, &places));
+    fields.push(Field::longs(lengths, &sizes));
+    fields.sort_by_key(|f| f.0);
+    let directory = small(file.len());
+    file[4..8].copy_from_slice(&directory.to_le_bytes());
+    let mut values_at = file.len() + 2 + 12 * fields.len() + 4;
+    file.extend(u16::try_from(fields.len()).expect("few").to_le_bytes());
+    let mut values: Vec<u8> = Vec::new();
+    for Field(tag, kind, bytes) in &fields {
+        let size = match kind {
+            2 => 1,
+            3 => 2,
+            4 => 4,
+            _ => 8,
+        };
+        file.extend(tag.to_le_bytes());
+        file.extend(kind.to_le_bytes());
+        file.extend(small(bytes.len() / size).to_le_bytes());
+        if bytes.len() <= 4 {
+            let mut inline = bytes.clone();
+            inline.resize(4, 0);
+            file.extend(inline);
+        } else {
+            file.extend(small(values_at).to_le_bytes());
+            values.extend(bytes);
+            values_at += bytes.len();
+        }
+    }
+    file.extend([0; 4]);
+    file.extend(values);
+    file
+}
+
+/// Bakes files as they are, in two threads.
+pub(crate) fn baked(inputs: &[PathBuf], out: &Path) -> Result<(Report, Pack), BakeError> {
+    baked_as(inputs, out, Heights::Egm96, None, 2)
+}
+
+pub(crate) fn baked_as(
+    inputs: &[PathBuf],
+    out: &Path,
+    heights: Heights,
+    region: Option<Bounds>,
+    jobs: usize,
+) -> Result<(Report, Pack), BakeError> {
+    let stop = AtomicBool::new(false);
+    let job = Job {
+        inputs,
+        out,
+        heights,
+        region,
+        jobs,
+        stop: &stop,
+    };
+    let report = bake(&job, &mut |_, _| {})?;
+    let pack = Pack::open(out).expect("a baked pack opens");
+    Ok((report, pack))
+}
+
+/// Posts of a pack by level, read tile by tile.
+pub(crate) struct Posts<'a> {
+    pack: &'a Pack,
+    reader: TileReader,
+    tile: Tile,
+    held: Option<TileKey>,
+}
+
+impl<'a> Posts<'a> {
+    pub(crate) fn of(pack: &'a Pack) -> Self {
+        Self {
+            pack,
+            reader: TileReader::new(),
+            tile: Tile::filled(0, SurfaceKind::Void),
+            held: None,
+        }
+    }
+
+    /// Orthometric height and kind of a post.
+    pub(crate) fn at(&mut self, level: u8, i: i32, j: i32) -> (f64, SurfaceKind) {
+        let key = TileKey::of_post(level, i, j);
+        if self.held != Some(key) {
+            self.pack
+                .read_tile(key, &mut self.reader, &mut self.tile)
+                .unwrap_or_else(|e| panic!("{key}: {e}"));
+            self.held = Some(key);
+        }
+        let at = TileKey::index_of(i, j);
+        (
+            self.pack.orthometric_m(self.tile.quanta[at]),
+            self.tile.kind[at],
+        )
+    }
+}
