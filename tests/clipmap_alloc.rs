@@ -77,5 +77,9 @@ fn filling_batches_allocates_nothing() {
         parcel.job.i += 999;
         fill(&mut sampler, shape, &mut parcel);
     }
-    assert_eq!(heap::allocations_of_this_thread() - before, 0, "allocations in 8 batches");
+    assert_eq!(
+        heap::allocations_of_this_thread() - before,
+        0,
+        "allocations in 8 batches"
+    );
 }
