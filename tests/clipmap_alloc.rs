@@ -1,0 +1,85 @@
+//! Once running, neither the frame nor the streaming thread allocates.
+
+#![expect(clippy::expect_used, reason = "a test: what fails must say so")]
+
+mod clipmap_support;
+
+use clipmap_support::{Land, gpu, mountains};
+use glasswing::geo::{Attitude, Camera, Geodetic};
+use glasswing::gl::sky::SkyRenderer;
+use glasswing::gl::target::Target;
+use glasswing::gl::terrain::{Look, TerrainRenderer};
+use glasswing::heap;
+use glasswing::terrain::clipmap::Shape;
+use glasswing::terrain::scene::Settings;
+use glasswing::terrain::surface::{Batch, Damage, Sampler};
+use glasswing::terrain::tables::HeightCode;
+use glasswing::terrain::worker::{Job, Parcel, fill};
+use glasswing::units::Radians;
+use std::sync::Arc;
+use std::time::Duration;
+
+#[test]
+fn a_flight_with_a_teleport_allocates_nothing() {
+    let Some((gpu, _screen)) = gpu(64, 40) else {
+        return;
+    };
+    let land = Arc::new(Land::new(1200, mountains));
+    let mut terrain = TerrainRenderer::new(&gpu, Settings::default(), land).expect("a renderer");
+    let sky = SkyRenderer::new(&gpu).expect("a sky");
+    let target = Target::offscreen(&gpu, 64, 40, 0).expect("a target");
+    let mut fly = |frames: std::ops::Range<u32>| {
+        for frame in frames {
+            let along = f64::from(frame) * 0.002 + if frame > 90 { 7.0 } else { 0.0 };
+            let camera = Camera {
+                eye: Geodetic::from_degrees(10.0 + along, 20.0 - along, 8000.0),
+                attitude: Attitude::from_degrees(f64::from(frame), -5.0, 10.0),
+                hfov: Radians::from_degrees(60.0),
+                width_px: 64,
+                height_px: 40,
+            };
+            target.bind();
+            gpu.clear([0.0; 4]);
+            terrain
+                .frame(&camera, 65_536, &Look::FLIGHT)
+                .expect("a camera");
+            sky.draw(&camera);
+            std::thread::park_timeout(Duration::from_millis(2));
+        }
+    };
+    fly(0..30);
+    let before = heap::allocations_of_this_thread();
+    fly(30..150);
+    let after = heap::allocations_of_this_thread();
+    assert_eq!(after - before, 0, "allocations in 120 frames");
+}
+
+#[test]
+fn filling_batches_allocates_nothing() {
+    let land = Land::new(1200, mountains).broken(|key| key.column % 5 == 0);
+    let damage = Damage::default();
+    let shape = Shape::new(255).expect("a legal shape");
+    let mut sampler = Sampler::new(&land, HeightCode::covering(-500.0, 7000.0), &damage);
+    let mut parcel = Parcel {
+        job: Job {
+            level: 0,
+            generation: 0,
+            i: 215_900,
+            j: -70,
+            width: 16,
+            height: 255,
+        },
+        batch: Box::new(Batch::new()),
+    };
+    let before = heap::allocations_of_this_thread();
+    for level in 0..8 {
+        parcel.job.level = level;
+        parcel.job.i += 999;
+        fill(&mut sampler, shape, &mut parcel);
+    }
+    assert_eq!(
+        heap::allocations_of_this_thread() - before,
+        0,
+        "allocations in 8 batches"
+    );
+}
