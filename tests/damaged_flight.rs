@@ -4,7 +4,8 @@
 mod support;
 
 use glasswing::time::Monotonic;
-use std::net::UdpSocket;
+use std::net::{SocketAddr, UdpSocket};
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// A whole version-24 packet: level, north, over 50 N 14 E at 1500 m, 100 kt. Offsets as FlightGear's `net_fdm.hxx` lays
@@ -20,47 +21,29 @@ fn packet(pitch_rad: f32) -> Vec<u8> {
     bytes
 }
 
-#[test]
-fn damaged_packets_are_counted_by_kind_and_never_shown() {
-    let folder = support::scratch_dir("damaged-flight");
-    let free = UdpSocket::bind("127.0.0.1:0").expect("a port");
-    let address = free.local_addr().expect("bound");
-    drop(free);
-    let board = folder.join("board.toml");
+/// Each round sends every bad one followed by a good one, so that a value that slipped through would be shown, not stale.
+const ROUNDS: u64 = 30;
+
+/// A board that listens to `address` and draws small pictures.
+fn board(folder: &Path, address: SocketAddr) -> PathBuf {
+    let file = folder.join("board.toml");
     let screen = std::env::var("GLASSWING_TEST_SCREEN").unwrap_or_else(|_| "surfaceless".into());
     let text = format!(
         "inherit = \"base\"\n[screen]\nkind = \"{screen}\"\nsize_px = \"320x200\"\n[input]\ndevices = false\n\
          [[source]]\nname = \"sim\"\nprotocol = \"fgfdm\"\nudp = \"{address}\"\n"
     );
-    std::fs::write(&board, text).expect("written");
-    let frames = folder.join("frames");
-    let stats = folder.join("stats.json");
-    let seconds = if support::is_emulated() { "25" } else { "6" };
-    let mut run = support::glasswing_command()
-        .arg("run")
-        .arg("--board")
-        .arg(&board)
-        .arg("--frames-dir")
-        .arg(&frames)
-        .args(["--seconds", seconds])
-        .arg("--stats")
-        .arg(&stats)
-        .spawn()
-        .expect("starts");
-    while !frames.join("frame-000000.png").exists() {
-        assert!(
-            run.try_wait().expect("asked").is_none(),
-            "ended before its first frame"
-        );
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    std::fs::write(&file, text).expect("written");
+    file
+}
+
+/// Sends them all; returns when the last has gone.
+fn send(address: SocketAddr) -> Monotonic {
     let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
     let good = packet(0.125);
     let mut long = good.clone();
     long.push(0);
     let mut newer = good.clone();
     newer[3] = 99;
-    // Each bad one is followed by a good one, so that a value that slipped through would be seen or overwritten, not stale.
     let bad = [
         good[..407].to_vec(),
         vec![],
@@ -70,8 +53,7 @@ fn damaged_packets_are_counted_by_kind_and_never_shown() {
         packet(f32::INFINITY),
         packet(40.0),
     ];
-    let rounds = 30;
-    for _ in 0..rounds {
+    for _ in 0..ROUNDS {
         for damaged in &bad {
             for bytes in [damaged, &good] {
                 socket.send_to(bytes, address).expect("sent");
@@ -79,41 +61,71 @@ fn damaged_packets_are_counted_by_kind_and_never_shown() {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
-    let sent_all = Monotonic::read();
-    assert!(run.wait().expect("ends").success(), "run");
+    Monotonic::read()
+}
 
-    let text = std::fs::read_to_string(&stats).expect("is there");
+#[test]
+fn damaged_packets_are_counted_by_kind_and_never_shown() {
+    let folder = support::scratch_dir("damaged-flight");
+    let free = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    let address = free.local_addr().expect("bound");
+    drop(free);
+    let (frames, stats) = (folder.join("frames"), folder.join("stats.json"));
+    let seconds = if support::is_emulated() { "25" } else { "6" };
+    let mut run = support::glasswing_command()
+        .arg("run")
+        .arg("--board")
+        .arg(board(&folder, address))
+        .arg("--frames-dir")
+        .arg(&frames)
+        .args(["--seconds", seconds])
+        .arg("--stats")
+        .arg(&stats)
+        .spawn()
+        .expect("starts");
+    while !frames.join("frame-000000.png").exists() {
+        let ended = run.try_wait().expect("asked");
+        assert!(ended.is_none(), "ended before its first frame");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let sent_all = send(address);
+    assert!(run.wait().expect("ends").success(), "run");
+    all_are_counted(&stats);
+    only_the_good_is_shown(&frames.join("frames.csv"), sent_all);
+}
+
+fn all_are_counted(stats: &Path) {
+    let text = std::fs::read_to_string(stats).expect("is there");
     let stats: serde_json::Value = serde_json::from_str(&text).expect("is JSON");
     let source = &stats["sources"][0];
     let kinds = &source["bad_by_kind"];
-    assert_eq!(source["good"], 7 * rounds, "{stats}");
-    assert_eq!(source["bad"], 7 * rounds, "{stats}");
+    assert_eq!(source["good"], 7 * ROUNDS, "{stats}");
+    assert_eq!(source["bad"], 7 * ROUNDS, "{stats}");
     assert_eq!(
         kinds["short"],
-        2 * rounds,
+        2 * ROUNDS,
         "a cut one and an empty one: {stats}"
     );
-    assert_eq!(kinds["long"], rounds, "{stats}");
-    assert_eq!(kinds["unknown-version"], rounds, "{stats}");
-    assert_eq!(kinds["not-finite"], 2 * rounds, "{stats}");
-    assert_eq!(kinds["out-of-range"], rounds, "{stats}");
+    assert_eq!(kinds["long"], ROUNDS, "{stats}");
+    assert_eq!(kinds["unknown-version"], ROUNDS, "{stats}");
+    assert_eq!(kinds["not-finite"], 2 * ROUNDS, "{stats}");
+    assert_eq!(kinds["out-of-range"], ROUNDS, "{stats}");
+}
 
-    // Every pitch that was shown is the good one; after the last packet it went stale and stayed so.
-    let csv = std::fs::read_to_string(frames.join("frames.csv")).expect("is there");
+/// Every pitch that was shown is the good one; after the last packet it went stale and stayed so.
+fn only_the_good_is_shown(csv: &Path, sent_all: Monotonic) {
+    let csv = std::fs::read_to_string(csv).expect("is there");
     let rows: Vec<Vec<&str>> = csv.lines().map(|l| l.split(',').collect()).collect();
     let column = |name: &str| rows[0].iter().position(|n| *n == name).expect("a column");
     let (pitch, at) = (column("pitch_rad"), column("monotonic_ns"));
     let mut shown = 0;
     for row in &rows[1..] {
-        match row[pitch].parse::<f64>() {
-            Ok(value) => {
-                shown += 1;
-                assert!((value - 0.125).abs() < 1e-6, "shown: {row:?}");
-            }
-            Err(_) => assert!(
-                ["!never-received", "!stale", "!out-of-range"].contains(&row[pitch]),
-                "{row:?}"
-            ),
+        if let Ok(value) = row[pitch].parse::<f64>() {
+            shown += 1;
+            assert!((value - 0.125).abs() < 1e-6, "shown: {row:?}");
+        } else {
+            let reasons = ["!never-received", "!stale", "!out-of-range"];
+            assert!(reasons.contains(&row[pitch]), "{row:?}");
         }
         let judged = Monotonic::from_nanos(row[at].parse().expect("a number"));
         if judged > sent_all.plus(Duration::from_millis(300)) {

@@ -36,8 +36,7 @@ impl Histogram {
     /// Counts one duration.
     pub fn add(&mut self, d: Duration) {
         let bucket = (d.as_micros() / u128::from(BUCKET_US)).min(BUCKETS as u128 - 1);
-        #[expect(clippy::cast_possible_truncation, reason = "bounded by BUCKETS")]
-        let bucket = bucket as usize;
+        let bucket = usize::try_from(bucket).unwrap_or(BUCKETS - 1);
         self.counts[bucket] = self.counts[bucket].saturating_add(1);
         self.total += 1;
         self.max = self.max.max(d);

@@ -73,7 +73,7 @@ impl Health {
                             let _ = sd_notify::notify(&[sd_notify::NotifyState::Watchdog]);
                         }
                         Some(false) => {
-                            tracing::error!("no picture has changed for {FLIP_AGE_MAX:?}")
+                            tracing::error!("no picture has changed for {FLIP_AGE_MAX:?}");
                         }
                         None => {}
                     }
