@@ -80,6 +80,8 @@ fn imports(path: &str, text: &str) -> Vec<String> {
         match own {
             "lib" | "app" => true,
             "main" => named[0] == "app",
+            // Tests beside a module make their inputs from whichever layer they come from.
+            _ if path.ends_with("/tests.rs") => named[0] != "app",
             _ => {
                 let listed =
                     MAY_NAME

@@ -52,8 +52,8 @@ const RUN_IN_M: f64 = 9000.0;
 const METRES_PER_DEGREE: f64 = 111_200.0;
 /// The altimeter setting of the day.
 const QNH: Hectopascals = Hectopascals(1018.0);
-/// A still that has not all its terrain by now never will.
-const SETTLE_MAX: Duration = Duration::from_secs(120);
+/// A still that has not all its terrain by now never will, not even on an emulated processor that draws by software.
+const SETTLE_MAX: Duration = Duration::from_secs(600);
 
 /// Flies a synthetic alpine valley, on the screen if one is free, else into picture files
 #[derive(Debug, clap::Args)]

@@ -34,7 +34,7 @@ PART_BEYOND = 0.001
 COLOURS_MIN = 100
 
 # Emulated, a start takes seconds and a frame a good part of one.
-PATIENCE_S = 420
+PATIENCE_S = 700
 
 CHECKS = []
 
