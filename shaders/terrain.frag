@@ -45,7 +45,7 @@ void main() {
     vec3 land = mix(tint(v_ground.x), vec3(0.50, 0.45, 0.40), 0.5 * steep);
     vec3 drawn = normalize(vec3((2.6 - 1.2 * steep) * normal.xy, normal.z));
     // 1 on level ground.
-    land *= 0.40 + 0.75 * max(dot(drawn, key), 0.0) + 0.28 * max(dot(drawn, fill), 0.0);
+    land *= 0.35 + 0.83 * max(dot(drawn, key), 0.0) + 0.28 * max(dot(drawn, fill), 0.0);
     vec3 water = vec3(0.10, 0.34, 0.62);
     vec3 colour = mix(land, water, smoothstep(0.4, 0.6, s.z));
     // Hatching that stands still on the screen: no terrain moves like that.

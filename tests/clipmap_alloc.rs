@@ -1,7 +1,5 @@
 //! Once running, neither the frame nor the streaming thread allocates.
 
-#![expect(clippy::expect_used, reason = "a test: what fails must say so")]
-
 mod clipmap_support;
 
 use clipmap_support::{Land, gpu, mountains};

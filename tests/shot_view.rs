@@ -36,7 +36,7 @@ impl Truth {
         let mut posts = Vec::new();
         let (mut codes, mut surface) = ([[0; 2]; SIDE], [[0; 4]; SIDE]);
         for row in 0..SIDE {
-            let at = (west, south + row as i32);
+            let at = (west, south + i32::try_from(row).expect("small"));
             sampler.fill(0, at, (SIDE, 1), &mut codes, &mut surface);
             posts.extend(codes.iter().map(|c| heights.decode(c[0])));
         }

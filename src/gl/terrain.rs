@@ -41,7 +41,7 @@ pub struct Look {
 impl Look {
     /// For flying: haze that leaves ridges 100 km away readable.
     pub const FLIGHT: Self = Self {
-        haze_m: 70_000.0,
+        haze_m: 90_000.0,
         haze: super::sky::HAZE,
     };
     /// The ground alone.
