@@ -165,6 +165,25 @@ impl Cockpit {
         drawn
     }
 
+    /// Streams terrain for what `state` says at `now`, without drawing. Returns whether every wanted level is there; true
+    /// too where there is nothing to wait for.
+    pub fn stream(&mut self, state: &FlightState, now: Monotonic) -> bool {
+        self.ui.terrain = if self.terrain.is_some() {
+            Terrain::Ready
+        } else {
+            Terrain::NoPack
+        };
+        let model = Model::build(state, &self.ui, &self.config, now);
+        let camera = self.camera(&model);
+        match (camera, &mut self.terrain) {
+            (Some(camera), Some(ground)) => {
+                let figures = ground.renderer.prepare(&camera, self.quota_texels);
+                figures.is_ok_and(|figures| figures.settled)
+            }
+            _ => true,
+        }
+    }
+
     /// The camera of synthetic vision, if everything that it needs may be shown.
     fn camera(&self, model: &Model) -> Option<Camera> {
         let inputs = model.svs.ok()?;

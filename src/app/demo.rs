@@ -53,7 +53,7 @@ const METRES_PER_DEGREE: f64 = 111_200.0;
 /// The altimeter setting of the day.
 const QNH: Hectopascals = Hectopascals(1018.0);
 /// A still that has not all its terrain by now never will, not even on an emulated processor that draws by software.
-const SETTLE_MAX: Duration = Duration::from_secs(600);
+const SETTLE_MAX: Duration = Duration::from_secs(120);
 
 /// Flies a synthetic alpine valley, on the screen if one is free, else into picture files
 #[derive(Debug, clap::Args)]
@@ -397,7 +397,7 @@ fn still(
 ) -> Result<(), Failure> {
     let (state, now) = state_at(flight, t);
     let deadline = Monotonic::read().plus(SETTLE_MAX);
-    while !cockpit.draw(&state, now).terrain_settled {
+    while !cockpit.stream(&state, now) {
         if Monotonic::read() > deadline {
             let why = format!("is not all there after {SETTLE_MAX:?}");
             return Err(Failure::new(

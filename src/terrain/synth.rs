@@ -6,7 +6,6 @@
 //!
 //! Everything is exact arithmetic (see [`crate::terrain::synth_noise`]): a seed gives the same bytes on every machine.
 
-use crate::geo::Geodetic;
 use crate::terrain::bake_levels::{Block, Levels, Post};
 use crate::terrain::codec::SurfaceKind;
 use crate::terrain::geoid::GeoidGrid;
@@ -89,25 +88,6 @@ pub struct Valley {
     pub airfield: Airfield,
     /// Orthometric height of the lake, metres.
     pub lake_m: f64,
-}
-
-impl Valley {
-    /// The line of a flight down the valley, from 15 km before the lake's western end to 15 km before the terrain's eastern
-    /// edge, so high above the floor: its points' heights are orthometric heights in the place of ellipsoidal ones, to
-    /// which the undulation is still to be added.
-    #[must_use]
-    pub fn line(&self, above_floor_m: f64) -> Vec<Geodetic> {
-        const FROM_M: f64 = 30_000.0;
-        let end_m = self.centreline.last().map_or(0.0, |p| p.along_m) - 15_000.0;
-        self.centreline
-            .iter()
-            .filter(|p| (FROM_M..end_m).contains(&p.along_m))
-            .map(|p| {
-                let height_m = p.floor_m + above_floor_m;
-                Geodetic::from_degrees(p.latitude_deg, p.longitude_deg, height_m)
-            })
-            .collect()
-    }
 }
 
 /// The main valley of a seed. Within 1.2 km of the centreline the ground rises no more than 60 m above `floor_m`.
