@@ -1,4 +1,8 @@
 //! The command line as a user meets it: help that is complete, and for every wrong input one clear line and its exit code.
+#![expect(
+    clippy::expect_used,
+    reason = "a helper that fails is a test that fails"
+)]
 
 mod support;
 

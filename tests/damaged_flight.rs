@@ -1,5 +1,9 @@
 //! Damaged packets through a real socket into the running program: each is counted by its kind, none is shown, and the
 //! display goes on with what is good.
+#![expect(
+    clippy::expect_used,
+    reason = "a helper that fails is a test that fails"
+)]
 
 mod support;
 

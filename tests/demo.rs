@@ -1,4 +1,8 @@
 //! The demo, whole: synthetic terrain, a flight as CANaerospace frames through the real decoder and state, pictures out.
+#![expect(
+    clippy::expect_used,
+    reason = "a helper that fails is a test that fails"
+)]
 
 #[path = "support/horizon.rs"]
 mod horizon;

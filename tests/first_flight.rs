@@ -3,6 +3,11 @@
 //! The flight is replayed at its own pace. Every picture's row in `frames.csv` is held against the simulator's own truth
 //! at the packet that was newest then, and in every fifth picture the horizon is found in the pixels and held against the
 //! truth too.
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a helper that fails is a test that fails"
+)]
 
 #[path = "support/horizon.rs"]
 mod horizon;

@@ -1,6 +1,10 @@
 //! House rules for the shaders, by their text: what tile-based GPUs punish and what single precision cannot do stays out.
 //!
 //! That every shader compiles is the business of the tests that draw.
+#![expect(
+    clippy::expect_used,
+    reason = "a helper that fails is a test that fails"
+)]
 
 #[path = "tidy/rust.rs"]
 #[allow(dead_code, reason = "only the reading of words is needed here")]

@@ -1,4 +1,8 @@
 //! The unit file and the udev rules agree with the program they are for.
+#![expect(
+    clippy::expect_used,
+    reason = "a helper that fails is a test that fails"
+)]
 
 mod support;
 
@@ -16,10 +20,11 @@ fn values(section: &str, key: &str) -> Vec<String> {
     for line in read("glasswing.service").lines().map(str::trim) {
         if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']')) {
             current = name.to_owned();
-        } else if let Some((name, value)) = line.split_once('=') {
-            if current == section && name == key {
-                found.push(value.to_owned());
-            }
+        } else if let Some((name, value)) = line.split_once('=')
+            && current == section
+            && name == key
+        {
+            found.push(value.to_owned());
         }
     }
     found

@@ -1,6 +1,7 @@
 //! The horizon as a pair of eyes finds it: where the sky ends, from pixels alone.
 
 #![allow(
+    clippy::expect_used,
     dead_code,
     reason = "every test includes this module and uses only some of it"
 )]
