@@ -197,7 +197,7 @@ fn a_sky_is_blue_above_the_horizon_and_never_below() {
             "--attitude",
             "300,0,0",
         ])
-        .args(["--hfov", "30", "--size", "320x200"])
+        .args(["--hfov", "30", "--size", "640x400"])
         .args([Path::new("--pack"), &pack, Path::new("--out"), &png])
         .output()
         .expect("the program starts");
@@ -211,11 +211,12 @@ fn a_sky_is_blue_above_the_horizon_and_never_below() {
     ))
     .read_info()
     .expect("a PNG");
-    let mut rgb = vec![0; 320 * 200 * 3];
+    let mut rgb = vec![0; 640 * 400 * 3];
     decoder.next_frame(&mut rgb).expect("whole");
-    let pixel = |x: usize, y: usize| &rgb[(y * 320 + x) * 3..][..3];
-    for x in (0..320).step_by(16) {
-        let (above, below) = (pixel(x, 97), pixel(x, 103));
+    let pixel = |x: usize, y: usize| &rgb[(y * 640 + x) * 3..][..3];
+    // Between the tapes and the aircraft symbol, clear of the horizon line itself.
+    for x in (100..200).chain(440..500).step_by(10) {
+        let (above, below) = (pixel(x, 192), pixel(x, 208));
         assert!(above[2] > above[0] + 40, "sky at column {x}: {above:?}");
         assert!(
             below[2] <= below[0],
