@@ -155,7 +155,7 @@ pub struct Rolling<const WHEELS: usize> {
     pub mirrored: bool,
     /// From the highest place to the lowest.
     pub wheels: [Wheel; WHEELS],
-    /// Where the drum stands, in rows: the row `k` of [`drum_row`] is in the middle when this is `k`.
+    /// Where the drum stands, in rows: the row `k` of [`altitude_drum_row`] or [`airspeed_drum_row`] is in the middle when this is `k`.
     pub drum: f64,
 }
 

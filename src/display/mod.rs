@@ -2,7 +2,7 @@
 //!
 //! Pure and without memory: the same inputs give the same model. It decides for every field whether there is a value,
 //! which one (with its label), and else why not; it never draws. Feet, knots and degrees of arc appear here for the first
-//! time, through [`format`], and the text of numbers is made only there.
+//! time, through [`mod@format`], and the text of numbers is made only there.
 
 pub mod atmosphere;
 pub mod colour;

@@ -2,14 +2,14 @@
 //!
 //! The inputs are read once to learn where they lie and what they hold; that decides the grid (the coarsest of
 //! [`POSTS_PER_DEGREE`] that is not coarser than the finest input, a tenth of tolerance allowed) and the scale (see
-//! [`scale`]). Then degree cell after degree cell is put together ([`crate::terrain::bake_cell`]) and scattered to the
+//! `scale`). Then degree cell after degree cell is put together ([`crate::terrain::bake_cell`]) and scattered to the
 //! tiles of all levels ([`crate::terrain::bake_levels`]).
 //!
 //! A sample that stands on a post is copied; posts between samples are interpolated bilinearly. Where several inputs
 //! cover a post, the finest gives it, then the southernmost, then the westernmost, then by name: the pack does not
 //! depend on the order of the arguments, nor on the number of threads.
 //!
-//! Memory: inputs up to [`CACHE_BYTES`] (or those around one cell, if they are larger), one cell with its margin (about
+//! Memory: inputs up to `CACHE_BYTES` (or those around one cell, if they are larger), one cell with its margin (about
 //! 12 bytes a post) and the tiles still open.
 
 use crate::terrain::bake_cell::{Disagreement, Frame, Layer, MARGIN};
