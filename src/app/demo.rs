@@ -344,15 +344,7 @@ impl SensorsThread {
                     std::thread::sleep(SENSORS_PERIOD);
                 }
             })
-            .map_err(|e| {
-                Failure::new(
-                    Kind::Other,
-                    "threads",
-                    "the system refuses one more",
-                    "stop other programs",
-                )
-                .caused_by(e)
-            })?;
+            .map_err(Failure::no_thread)?;
         Ok(Self {
             stop,
             thread: Some(thread),

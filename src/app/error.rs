@@ -51,6 +51,13 @@ impl Failure {
         self
     }
 
+    /// The system has no room for another thread.
+    #[must_use]
+    pub fn no_thread(e: std::io::Error) -> Self {
+        let todo = "stop other programs";
+        Self::new(Kind::Other, "threads", "the system refuses one more", todo).caused_by(e)
+    }
+
     /// Its kind.
     #[must_use]
     pub const fn kind(&self) -> Kind {

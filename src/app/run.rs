@@ -99,7 +99,7 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
     let frames = frame_writer(&args, screen.as_ref(), started)?;
     let (mut actions, _input) = listen_to_pilot(board);
     let pulse = Arc::new(Pulse::default());
-    let health = Health::start(Arc::clone(&pulse)).map_err(no_thread)?;
+    let health = Health::start(Arc::clone(&pulse)).map_err(Failure::no_thread)?;
     let plan = Plan {
         stop,
         duration: args.seconds,
@@ -124,16 +124,6 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
         write_json(file, &with_sources(figures.to_json(), &sources))?;
     }
     Ok(())
-}
-
-fn no_thread(e: std::io::Error) -> Failure {
-    Failure::new(
-        Kind::Other,
-        "threads",
-        "the system refuses one more",
-        "stop other programs",
-    )
-    .caused_by(e)
 }
 
 /// A flag that SIGINT and SIGTERM set.

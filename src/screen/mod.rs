@@ -84,7 +84,11 @@ pub fn open(kind: &Kind, headless_size_px: (u32, u32)) -> Result<Box<dyn Screen>
     match kind {
         Kind::Kms(wishes) => open_kms(wishes),
         Kind::Auto(wishes) => open_kms(wishes).or_else(|why| {
-            tracing::info!("no display, drawing headless: {why}");
+            // A machine without a display is what headless is for; one whose display refuses wants a word.
+            match why {
+                ScreenError::NoDisplay { .. } => tracing::info!("drawing headless: {why}"),
+                _ => tracing::warn!("drawing headless: {why}"),
+            }
             Ok(Box::new(surfaceless::open(width, height)?) as Box<dyn Screen>)
         }),
         Kind::Surfaceless => Ok(Box::new(surfaceless::open(width, height)?)),
