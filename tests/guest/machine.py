@@ -186,7 +186,10 @@ class Job:
 
     def kill(self):
         """Ends it and all it started, as a power cut would."""
-        self.machine.start(f"kill -9 -- -$(cat /exchange/{self.name}.pid)").wait(30)
+        # dash takes `--` only after `-s`.
+        killed = self.machine.start(f"kill -s KILL -- -$(cat /exchange/{self.name}.pid)").wait(30)
+        if killed != 0 and self.code() is None:
+            raise RuntimeError(f"{self.name} was not killed: {killed}")
 
 
 class Machine:
