@@ -74,6 +74,9 @@ pub struct DemoArgs {
     /// What to draw on
     #[arg(long, value_enum, default_value_t = Where::Auto)]
     screen: Where,
+    /// Samples per pixel; none is quicker, most of all on a processor that draws by itself
+    #[arg(long, value_enum, default_value_t = Antialiasing::Four)]
+    antialiasing: Antialiasing,
     /// The demo's terrain as `glasswing terrain synth` made it before, instead of making it again
     #[arg(long, value_name = "PACK")]
     pack: Option<PathBuf>,
@@ -95,6 +98,16 @@ pub enum Where {
     Osmesa,
 }
 
+/// Samples per pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Antialiasing {
+    /// One
+    None,
+    /// Four
+    #[value(name = "4x")]
+    Four,
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -109,6 +122,10 @@ pub fn run(args: DemoArgs) -> Result<(), Vec<Failure>> {
 fn board(args: &DemoArgs) -> Result<Board, Vec<Failure>> {
     let mut board = Board::base()?;
     board.screen.size = args.size;
+    board.screen.samples = match args.antialiasing {
+        Antialiasing::None => 0,
+        Antialiasing::Four => 4,
+    };
     board.screen.kind = match args.screen {
         Where::Auto => screen::Kind::Auto(Wishes::default()),
         Where::Kms => screen::Kind::Kms(Wishes::default()),

@@ -12,7 +12,7 @@
 pub(crate) mod support;
 
 use glasswing::gl::Gpu;
-use glasswing::screen::{self, Screen, ScreenError};
+use glasswing::screen::Screen;
 use glasswing::terrain::codec::{SurfaceKind, Tile};
 use glasswing::terrain::grid::{Grid, TileKey};
 use glasswing::terrain::pack::{Bounds, PackInfo, PostRect, TileError, TileReader};
@@ -170,23 +170,11 @@ pub(crate) fn sea(_: i32, _: i32) -> (f64, SurfaceKind) {
     (0.0, SurfaceKind::Water)
 }
 
-/// A GPU without a screen on EGL, or on what `GLASSWING_TEST_SCREEN` names; `None`, and a word on why, where there is none.
-pub(crate) fn gpu(width: u32, height: u32) -> Option<(Rc<Gpu>, Box<dyn Screen>)> {
-    let opened: Result<Box<dyn Screen>, ScreenError> =
-        match std::env::var("GLASSWING_TEST_SCREEN").as_deref() {
-            Ok("osmesa") => screen::osmesa::open(width, height).map(|s| Box::new(s) as _),
-            _ => screen::surfaceless::open(width, height).map(|s| Box::new(s) as _),
-        };
-    match opened {
-        Ok(screen) => {
-            let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
-            Some((gpu, screen))
-        }
-        Err(e) => {
-            support::skip(&format!("no headless GL here: {e}"));
-            None
-        }
-    }
+/// A GPU without a screen on EGL, or on what `GLASSWING_TEST_SCREEN` names.
+pub(crate) fn gpu(width: u32, height: u32) -> (Rc<Gpu>, Box<dyn Screen>) {
+    let screen = support::headless_screen(width, height);
+    let gpu = Gpu::new(&|name| screen.gl_proc(name)).expect("a GL context");
+    (gpu, screen)
 }
 
 /// Small deterministic random numbers (SplitMix64, Steele et al. 2014).

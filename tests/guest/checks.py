@@ -21,7 +21,7 @@ import vkms
 
 ROOT = os.path.dirname(os.path.dirname(machine.HERE))
 
-WIDTH_PX, HEIGHT_PX = 1024, 768
+WIDTH_PX, HEIGHT_PX = 800, 480
 
 # The moment of the demonstration flight that is drawn on both screens.
 STILL_S = 12
@@ -61,7 +61,7 @@ class Bench:
     def __init__(self, options, guest):
         self.program, self.out, self.guest = os.path.abspath(options.program), options.out, guest
         # Making the terrain is a minute's work for an emulated processor, so it was made before.
-        self.demo = f"{self.program} demo --pack {os.path.abspath(options.pack)}"
+        self.demo = f"{self.program} demo --antialiasing none --pack {os.path.abspath(options.pack)}"
         # The picture without a display, and the program that holds the display: checks leave them to later ones.
         self.reference = self.holder = None
         with open(options.tests) as file:
@@ -220,7 +220,7 @@ def a_killed_program_leaves_the_display_usable(bench):
 @check
 def the_demonstration_flies_on_the_display(bench):
     """Two looks at it see two different pictures, and it ends by itself with its figures."""
-    job = bench.guest.start(f"{bench.demo} --screen kms --seconds 20 --out /exchange/flight")
+    job = bench.guest.start(f"{bench.demo} --screen kms --seconds 30 --out /exchange/flight")
     pictures, path, until = [], os.path.join(bench.out, "flight.png"), time.monotonic() + PATIENCE_S
     while job.code() is None and time.monotonic() < until:
         bench.guest.screenshot(path)

@@ -8,11 +8,13 @@
     reason = "every test includes this module and uses only some of it"
 )]
 
+use std::ffi::{CStr, c_void};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use glasswing::screen::{self, Screen, ScreenError};
+use glasswing::screen::{self, Flip, Screen, ScreenError};
 
 /// The variable Cargo itself reads to find the program that runs aarch64 binaries on another machine.
 const AARCH64_RUNNER: &str = "CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER";
@@ -50,12 +52,51 @@ pub(crate) fn is_emulated() -> bool {
 )]
 pub(crate) fn headless_screen(width_px: u32, height_px: u32) -> Box<dyn Screen> {
     let kind = std::env::var("GLASSWING_TEST_SCREEN").unwrap_or_else(|_| "surfaceless".to_owned());
+    // A test that failed while it had its turn has nothing to spoil for the next.
+    let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let opened: Result<Box<dyn Screen>, ScreenError> = match kind.as_str() {
         "surfaceless" => screen::surfaceless::open(width_px, height_px).map(|s| Box::new(s) as _),
         "osmesa" => screen::osmesa::open(width_px, height_px).map(|s| Box::new(s) as _),
         _ => panic!("GLASSWING_TEST_SCREEN is {kind}: it may be surfaceless or osmesa"),
     };
-    opened.unwrap_or_else(|e| panic!("{kind}: {e}"))
+    let screen = opened.unwrap_or_else(|e| panic!("{kind}: {e}"));
+    Box::new(Turn {
+        screen,
+        _turn: turn,
+    })
+}
+
+/// One screen at a time, whatever the number of test threads: the program never has two, and how a driver fares with
+/// several contexts in several threads (software renderers under emulation fare badly) is not what is tested.
+#[derive(Debug)]
+struct Turn {
+    screen: Box<dyn Screen>,
+    // Released last: fields are dropped in order.
+    _turn: MutexGuard<'static, ()>,
+}
+
+static TURN: Mutex<()> = Mutex::new(());
+
+impl Screen for Turn {
+    fn size_px(&self) -> (u32, u32) {
+        self.screen.size_px()
+    }
+
+    fn gl_proc(&self, name: &CStr) -> *const c_void {
+        self.screen.gl_proc(name)
+    }
+
+    fn is_headless(&self) -> bool {
+        self.screen.is_headless()
+    }
+
+    fn describe(&self) -> String {
+        self.screen.describe()
+    }
+
+    fn present(&mut self) -> Result<Flip, ScreenError> {
+        self.screen.present()
+    }
 }
 
 /// The root of the source tree.
