@@ -28,7 +28,9 @@ pub struct Caps {
     pub is_software: bool,
     /// The longest side of a 2D texture, texels. GLES 3.0 promises 2048; the V3D of a Raspberry Pi 4 has 4096.
     pub texture_size_max: u32,
-    /// The most samples per pixel of a renderbuffer. GLES 3.0 promises 4; softpipe has 1.
+    /// The most samples per pixel of a renderbuffer. GLES 3.0 promises 4; softpipe has 1. Given as 0 for llvmpipe on
+    /// aarch64, which ends with a segmentation fault in its own compiled code when it draws terrain with four samples and
+    /// depth (Mesa 22.3.6, LLVM 15.0.6, under emulation; the same draws pass on x86-64, and on aarch64 without samples).
     pub samples_max: u32,
     /// Textures a vertex shader may read. GLES 3.0 promises 16.
     pub vertex_textures_max: u32,
@@ -81,11 +83,15 @@ impl Caps {
             vendor: text(glow::VENDOR),
             version,
             is_software,
-            renderer,
             texture_size_max: number(glow::MAX_TEXTURE_SIZE),
-            samples_max: number(glow::MAX_SAMPLES),
+            samples_max: if cfg!(target_arch = "aarch64") && renderer.contains("llvmpipe") {
+                0
+            } else {
+                number(glow::MAX_SAMPLES)
+            },
             vertex_textures_max: number(glow::MAX_VERTEX_TEXTURE_IMAGE_UNITS),
             anisotropy_max,
+            renderer,
         })
     }
 }
