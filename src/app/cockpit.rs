@@ -157,8 +157,10 @@ impl Cockpit {
         self.instruments.draw();
         drawn.draw_calls += 1;
         self.target.resolve();
-        if let Some(window) = &self.window {
-            self.target.copy_to(window);
+        match &self.window {
+            Some(window) => self.target.copy_to(window),
+            // Nothing will wait for the GPU later: a frame without a screen is done when it is drawn.
+            None => self.gpu.finish(),
         }
         drawn.list_overflowed = self.instruments.overflowed();
         drawn.own_time = own;

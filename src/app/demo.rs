@@ -1,5 +1,6 @@
 //! `glasswing demo`: a synthetic alpine valley and a flight through it, sent as CANaerospace frames through the real
 //! decoder and state: over `vcan0` where the machine has it, else over a bus within the process.
+#![expect(clippy::print_stdout, reason = "the command's output")]
 
 use crate::app::board::{Airspeeds, Board};
 use crate::app::cockpit::{self, Cockpit};
@@ -156,6 +157,12 @@ fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failur
         return still(args, screen.as_mut(), &mut cockpit, &flight, t, &stop);
     }
     let bus = Bus::open(&flight)?;
+    println!(
+        "flying {} s: sensors on the bus {}, picture on {}",
+        args.seconds.as_secs_f64(),
+        bus.place,
+        screen.describe()
+    );
     let plan = Plan {
         stop,
         duration: Some(args.seconds),
@@ -197,7 +204,13 @@ fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failur
         contact::write(&args.out, SHEET, &sheet)?;
         summary["contact_sheet"] = json!(sheet.display().to_string());
     }
-    write_json(&args.out.join("summary.json"), &summary)
+    write_json(&args.out.join("summary.json"), &summary)?;
+    println!(
+        "{} frames; what was drawn and how long it took: {}",
+        figures.frames(),
+        args.out.display()
+    );
+    Ok(())
 }
 
 /// The synthetic valley: the pack that was given, else one made in the folder.
