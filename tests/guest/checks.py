@@ -233,7 +233,7 @@ def the_demonstration_flies_on_the_display(bench):
     demand(len(pictures) >= 2, f"the display showed {len(pictures)} different pictures:\n{tail(job.output())}")
     with open(bench.keep("flight/summary.json")) as file:
         summary = json.load(file)
-    demand(summary["frames"] >= 10, f"only {summary['frames']} frames")
+    demand(summary["frames"] >= 3, f"only {summary['frames']} frames")
     return f"{summary['frames']} frames, {len(pictures)} different pictures seen"
 
 
