@@ -59,7 +59,18 @@ fn assert_posts_are(pack: &Pack, cell: &Cell) -> (u32, u32) {
     (void, water)
 }
 
+/// Tiles that are baked under emulation too: one of each kind. The others take minutes there and tell nothing new.
+const EMULATED: [&str; 3] = [
+    "N43E007.hgt.zip",
+    "S33W071.tif",
+    "ww_craterlake-elev-16bit-30m.tif",
+];
+
 fn data(name: &str) -> Option<PathBuf> {
+    if support::is_emulated() && !EMULATED.contains(&name) {
+        support::skip(&format!("{name} is not baked under emulation"));
+        return None;
+    }
     Some(support::data_dir()?.join("elev").join(name))
 }
 
