@@ -22,6 +22,7 @@ pub mod hgt;
 pub mod input;
 pub mod pack;
 mod pack_format;
+pub mod partition;
 pub mod raster;
 pub mod scene;
 pub mod store;
