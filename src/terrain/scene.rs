@@ -22,9 +22,6 @@ use glam::DVec3;
 use std::io;
 use std::sync::Arc;
 
-/// Entries of a row of the table texture: a level's columns or rows, counted from its window's origin.
-pub const TABLE_ENTRIES: usize = 256;
-
 /// Nothing is drawn nearer to the eye, metres.
 const NEAR_MIN_M: f64 = 0.2;
 
@@ -82,7 +79,8 @@ pub struct Plan {
     pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
     /// Their blocks.
     pub blocks: Vec<Block>,
-    /// Two rows of [`TABLE_ENTRIES`] for each level of the pack: columns, then rows.
+    /// Two rows of as many entries as the torus has texels for each level of the pack: columns, then
+    /// rows, counted from the window's origin.
     pub tables: Vec<Entry>,
     /// Changes when `tables` does.
     pub tables_version: u32,
@@ -180,7 +178,7 @@ impl Scene {
             plan: Plan {
                 levels: ArrayVec::new(),
                 blocks: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
-                tables: vec![[0.0; 4]; 2 * usize::from(levels) * TABLE_ENTRIES],
+                tables: vec![[0.0; 4]; 2 * usize::from(levels) * settings.shape.texels()],
                 tables_version: 0,
                 origin_m: [0.0; 3],
                 axis_distance_m: 0.0,
@@ -392,9 +390,10 @@ impl Scene {
             }
             self.tabled.retain(|t| t.0 != plan.level);
             self.tabled.push((plan.level, plan.window));
-            let start = 2 * usize::from(plan.level) * TABLE_ENTRIES;
+            let entries = self.settings.shape.texels();
+            let start = 2 * usize::from(plan.level) * entries;
             let (columns, rows) =
-                self.plan.tables[start..start + 2 * TABLE_ENTRIES].split_at_mut(TABLE_ENTRIES);
+                self.plan.tables[start..start + 2 * entries].split_at_mut(entries);
             for (post, entry) in (plan.window.i..).zip(columns) {
                 *entry = anchor.column(post << plan.level);
             }
