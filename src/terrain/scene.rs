@@ -122,10 +122,18 @@ pub struct FrameFigures {
     pub uploads_bytes: usize,
     /// Bytes of textures and their copies that are resident. Fixed at start.
     pub resident_bytes: usize,
-    /// Whether every wanted level is whole and in its place.
+    /// Whether every wanted level is whole and in its place, or there is nothing to wait for.
     pub settled: bool,
     /// Tiles that could not be read since the start.
     pub damage: DamageCounts,
+}
+
+impl FrameFigures {
+    /// Whether every wanted level can be drawn.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.levels == Some(self.levels_wanted)
+    }
 }
 
 /// A level's uncut blocks with their bounds, kept while windows stand still.

@@ -9,6 +9,7 @@ use super::clipmap::TorusPart;
 use super::codec::{SurfaceKind, Tile};
 use super::grid::{Grid, TILE_SIDE, TileKey};
 use super::pack::{Pack, PackInfo, TileError, TileReader};
+use super::partition::Partition;
 use super::tables::HeightCode;
 use crate::geo::{meridian_radius_m, prime_vertical_radius_m};
 use crate::units::Radians;
@@ -26,6 +27,10 @@ pub const TILES_KEPT: usize = 128;
 pub trait TileSource: Send + Sync + std::fmt::Debug + 'static {
     /// What there is.
     fn info(&self) -> &PackInfo;
+    /// Whether there is any tile of a partition.
+    fn has(&self, partition: Partition) -> bool {
+        partition == Partition::Geographic
+    }
     /// Whether there is such a tile.
     fn contains(&self, key: TileKey) -> bool;
     /// Height of the geoid above the ellipsoid at a point, metres; `None` where it is not known.
