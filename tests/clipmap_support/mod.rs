@@ -8,6 +8,7 @@
     reason = "made-up land: numbers are small and what fails must say so"
 )]
 
+pub(crate) mod booth;
 #[path = "../support/mod.rs"]
 pub(crate) mod support;
 
@@ -43,9 +44,10 @@ impl Land {
             east: grid.posts_around() / 2 - 1,
         };
         let info = PackInfo {
-            version: 1,
+            version: 2,
             grid,
             levels: grid.level_count(),
+            partitions: [true, false, false],
             rect,
             bounds: Bounds {
                 south_deg: -90.0,
