@@ -245,10 +245,10 @@ fn a_camera_that_is_none_shows_no_terrain_and_the_next_good_one_does() {
 fn a_pack_with_a_damaged_tile_is_shown_and_told() {
     let path = pack("vision_damaged", &[("N10E020", hills)]);
     let mut bytes = fs::read(&path).expect("the pack");
-    // The level-0 tile in the south-west corner, by the index as terrain::pack describes it.
+    // The level-0 tile west of the eye's, by the index as terrain::pack describes it.
     let number = |at: usize| i32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"));
     let index = usize::try_from(number(112)).expect("a small file");
-    let (column, row) = (20 * 1200 / 128, 10 * 1200 / 128);
+    let (column, row) = (20 * 1200 / 128, 10 * 1200 / 128 + 1);
     let entry = (index..)
         .step_by(40)
         .find(|&at| bytes[at] == 0 && number(at + 4) == column && number(at + 8) == row)
