@@ -8,6 +8,7 @@
 
 pub mod archive;
 pub mod bake;
+pub mod bake_cap;
 pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
