@@ -21,7 +21,6 @@ pub mod run;
 pub mod shot;
 pub mod sources;
 pub mod terrain;
-
 pub mod terrain_info;
 pub mod vision;
 
