@@ -5,6 +5,8 @@
 //! the wait is for the frame before this one, which a loop paced by page flips has seen finished. Tables are written
 //! more often and rotate through three textures.
 
+pub mod record;
+
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -123,12 +125,22 @@ const COARSER: u32 = 3;
 
 impl Shader {
     fn new(gpu: &Rc<Gpu>, name: &'static str, defines: &str) -> Result<Self, GlError> {
+        Self::recording(gpu, name, defines, &[])
+    }
+
+    fn recording(
+        gpu: &Rc<Gpu>,
+        name: &'static str,
+        defines: &str,
+        outputs: &[&str],
+    ) -> Result<Self, GlError> {
         let source = |text: &str| format!("{defines}\n#line 1\n{text}");
-        let program = Program::new(
+        let program = Program::recording(
             gpu,
             name,
             &source(include_str!("../../shaders/terrain.vert")),
             &source(include_str!("../../shaders/terrain.frag")),
+            outputs,
         )?;
         program.sampler("heights", HEIGHTS)?;
         program.sampler("tables", TABLE)?;

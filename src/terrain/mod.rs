@@ -23,6 +23,7 @@ pub mod input;
 pub mod pack;
 mod pack_format;
 pub mod partition;
+pub mod planet;
 pub mod raster;
 pub mod scene;
 pub mod store;
