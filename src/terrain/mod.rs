@@ -33,4 +33,5 @@ pub mod synth;
 pub mod synth_noise;
 mod synth_valley;
 pub mod tables;
+pub mod truth;
 pub mod worker;
