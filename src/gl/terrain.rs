@@ -182,7 +182,12 @@ impl TerrainRenderer {
         settings: Settings,
         source: Arc<S>,
     ) -> Result<Self, TerrainError> {
-        let scene = Scene::new(source, settings).map_err(TerrainError::Thread)?;
+        let scene = Scene::new(
+            source,
+            crate::terrain::partition::Partition::Geographic,
+            settings,
+        )
+        .map_err(TerrainError::Thread)?;
         let side = texel(settings.shape.texels());
         let levels = scene.levels();
         let all = |format, filter| -> Result<Vec<Texture>, GlError> {
