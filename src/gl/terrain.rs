@@ -1,9 +1,7 @@
 //! Draws the terrain: the textures of a [`Scene`]'s levels, and one instanced draw for each level.
 //!
-//! Uploads: a level has one texture for heights and one for its surface, written at the start of a frame. Strips are
-//! 510 texels and come a few times a second, so on a driver that makes a write wait for the draws that read the texture,
-//! the wait is for the frame before this one, which a loop paced by page flips has seen finished. Tables are written
-//! more often and rotate through three textures.
+//! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
+//! tables and blocks rotate through three textures and buffers.
 
 pub mod record;
 
@@ -14,17 +12,18 @@ use std::sync::Arc;
 use glow::HasContext as _;
 
 use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
+use super::level_textures::LevelTextures;
 use super::program::{Program, UniformLocation};
-use super::texture::{Filter, Format, Region, Texture, Wrap};
+use super::texture::{Filter, Format, Texture, Wrap};
 use super::{GlError, Gpu};
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
 use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices, pattern_vertices};
-use crate::terrain::clipmap::{TorusPart, torus_texel};
+use crate::terrain::clipmap::torus_texel;
 use crate::terrain::scene::{
     BadCamera, FrameFigures, LevelPlan, Plan, Scene, Settings, TABLE_ENTRIES,
 };
-use crate::terrain::stream::{NoTerrain, Sink};
+use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::units::{Metres, Radians};
 
@@ -79,26 +78,6 @@ pub struct TerrainRenderer {
     region: usize,
     arrays: [VertexArray; super::buffer::STREAM_REGIONS],
     indices: u32,
-}
-
-#[derive(Debug)]
-struct LevelTextures {
-    heights: Vec<Texture>,
-    surface: Vec<Texture>,
-}
-
-impl Sink for LevelTextures {
-    fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]) {
-        let region = Region {
-            x: texel(part.x),
-            y: texel(part.y),
-            width: texel(part.width),
-            height: texel(part.height),
-        };
-        let level = usize::from(level);
-        self.heights[level].write(region, bytemuck::cast_slice(heights));
-        self.surface[level].write(region, bytemuck::cast_slice(surface));
-    }
 }
 
 /// A program with its uniforms.
@@ -188,17 +167,8 @@ impl TerrainRenderer {
             settings,
         )
         .map_err(TerrainError::Thread)?;
-        let side = texel(settings.shape.texels());
         let levels = scene.levels();
-        let all = |format, filter| -> Result<Vec<Texture>, GlError> {
-            (0..levels)
-                .map(|_| Texture::new(gpu, format, side, side, filter, Wrap::Repeat))
-                .collect()
-        };
-        let textures = LevelTextures {
-            heights: all(Format::Rg16Ui, Filter::Nearest)?,
-            surface: all(Format::Rgba8, Filter::Linear)?,
-        };
+        let textures = LevelTextures::new(gpu, levels, settings.shape.texels())?;
         let table = || {
             let rows = 2 * u32::from(levels);
             let columns = texel(TABLE_ENTRIES);
@@ -264,6 +234,7 @@ impl TerrainRenderer {
     /// # Errors
     /// [`BadCamera`]: everything stays as it was.
     pub fn prepare(&mut self, camera: &Camera, quota: usize) -> Result<FrameFigures, BadCamera> {
+        self.textures.begin_frame();
         self.scene.frame(camera, quota, &mut self.textures)?;
         let plan = self.scene.plan();
         let mut figures = self.scene.figures();
@@ -317,7 +288,7 @@ impl TerrainRenderer {
 
     fn resident_bytes(&self) -> usize {
         let of = |textures: &[Texture]| textures.iter().map(Texture::bytes).sum::<usize>();
-        of(&self.textures.heights) + of(&self.textures.surface) + of(&self.tables)
+        self.textures.bytes() + of(&self.tables) + self.scene.streamer().bytes()
     }
 
     fn draw_with(&self, shader: &Shader, look: &Look) {
@@ -400,9 +371,9 @@ impl TerrainRenderer {
         let texels = shape.texels();
         let at = usize::from(level.level);
         let coarser = if level.has_coarser { at + 1 } else { at };
-        self.textures.surface[coarser].bind(COARSER);
-        self.textures.surface[at].bind(SURFACE);
-        self.textures.heights[at].bind(HEIGHTS);
+        self.textures.bind_surface(coarser, COARSER);
+        self.textures.bind_surface(at, SURFACE);
+        self.textures.bind_heights(at, HEIGHTS);
         let own = [level.window.i, level.window.j].map(|v| torus_texel(texels, v));
         // The coarser level's texel of this origin is half of it, in a torus of the same size. Without a coarser level
         // the blend goes to the level itself.

@@ -91,6 +91,7 @@ impl Planet {
                 base_m: BASE_M,
                 height_min_m,
                 height_max_m,
+                partitions: [true; 3],
                 tiles: 0,
                 posts: 0,
                 void_posts: 0,
@@ -222,6 +223,7 @@ impl TileSource for Planet {
             degrees(first) >= f64::from(low) && degrees(first + TILE_SIDE) <= f64::from(low + 1)
         };
         !(self.kind == Kind::Earth
+            && key.partition == Partition::Geographic
             && inside(HOLE_DEG.0, key.south())
             && inside(HOLE_DEG.1, key.west()))
     }
@@ -244,7 +246,7 @@ impl TileSource for Planet {
         let grid = self.info.grid;
         for row in key.south()..key.south() + TILE_SIDE {
             for column in key.west()..key.west() + TILE_SIDE {
-                let n = Partition::Geographic.normal(
+                let n = key.partition.normal(
                     grid.longitude_deg(key.level, column),
                     grid.latitude_deg(key.level, row),
                 );

@@ -172,7 +172,7 @@ impl Scene {
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
-        let worker = Worker::start(source, Partition::Geographic, settings.shape, heights)?;
+        let worker = Worker::start(source, partition, settings.shape, heights)?;
         Ok(Self {
             partition,
             settings,

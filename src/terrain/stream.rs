@@ -22,8 +22,23 @@ const EXTREMES_SIDE: usize = 16;
 /// A texel that was never written: no level has this pair of heights.
 const UNWRITTEN: [u16; 2] = [u16::MAX, 0];
 
+/// All that a level's torus holds, row by row: heights and surface as in [`Batch`].
+#[derive(Clone, Copy, Debug)]
+pub struct Torus<'a> {
+    /// Own and coarser height codes.
+    pub heights: &'a [[u16; 2]],
+    /// Normals and kinds.
+    pub surface: &'a [[u8; 4]],
+}
+
 /// Where uploads go: textures, or a test's record of them.
 pub trait Sink {
+    /// Makes a level ready to be written, from what its torus holds now, with at most `quota` texels. Returns how many it
+    /// took; the level is ready if that is less than `quota`.
+    fn catch_up(&mut self, _level: u8, _torus: &Torus<'_>, _quota: usize) -> usize {
+        0
+    }
+
     /// Overwrites a rectangle of a level's torus: `part.width` x `part.height` texels row by row; see
     /// [`Batch`] for what they hold.
     fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]);
@@ -53,7 +68,7 @@ struct Level {
     generation: u32,
     version: u32,
     heights: Vec<[u16; 2]>,
-    void: Vec<bool>,
+    surface: Vec<[u8; 4]>,
     extremes: Vec<(u16, u16)>,
 }
 
@@ -107,7 +122,7 @@ impl Streamer {
             generation: 0,
             version: 0,
             heights: vec![UNWRITTEN; texels * texels],
-            void: vec![true; texels * texels],
+            surface: vec![[0, 0, 0, u8::MAX]; texels * texels],
             extremes: vec![(u16::MAX, 0); (texels / EXTREMES_SIDE).pow(2)],
         };
         Self {
@@ -147,6 +162,10 @@ impl Streamer {
         for level in (wanted.0..=wanted.1).rev() {
             let scale = f64::from(1_u32 << level);
             self.follow(level, (eye.0 / scale, eye.1 / scale), quota);
+            let of = &self.levels[usize::from(level)];
+            if matches!(of.residency, Residency::In { .. }) {
+                left -= sink.catch_up(level, &of.torus(), left);
+            }
         }
         let texels = quota - left;
         Uploads {
@@ -183,6 +202,17 @@ impl Streamer {
             .map_or(0, |level| level.version)
     }
 
+    /// Bytes of the copies of all levels.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let of = |level: &Level| {
+            size_of_val(level.heights.as_slice())
+                + size_of_val(level.surface.as_slice())
+                + size_of_val(level.extremes.as_slice())
+        };
+        self.levels.iter().map(of).sum()
+    }
+
     /// The worker's counts of unreadable tiles.
     #[must_use]
     pub fn damage(&self) -> super::surface::DamageCounts {
@@ -214,7 +244,7 @@ impl Streamer {
         let level = &self.levels[usize::from(level)];
         let post = |di: i32, dj: i32| {
             let at = self.texel(i + di, j + dj);
-            if level.void[at] {
+            if level.surface[at][3] > 0 {
                 return Err(NoTerrain::Void);
             }
             Ok(f64::from(level.heights[at][0]))
@@ -283,6 +313,7 @@ impl Streamer {
         }
         // A strip overwrites texels that are still drawn: all of it or nothing.
         let is_strip = matches!(level.residency, Residency::In { .. });
+        *left -= sink.catch_up(job.level, &level.torus(), *left);
         if is_strip && job.texels() > *left {
             return Some(held);
         }
@@ -466,6 +497,13 @@ impl Streamer {
 }
 
 impl Level {
+    fn torus(&self) -> Torus<'_> {
+        Torus {
+            heights: &self.heights,
+            surface: &self.surface,
+        }
+    }
+
     /// Keeps a copy of what was uploaded, and the extremes of the squares it touches.
     fn mirror(
         &mut self,
@@ -478,9 +516,7 @@ impl Level {
             let from = row * part.width..(row + 1) * part.width;
             let to = (part.y + row) * texels + part.x;
             self.heights[to..to + part.width].copy_from_slice(&heights[from.clone()]);
-            for (void, s) in self.void[to..].iter_mut().zip(&surface[from]) {
-                *void = s[3] > 0;
-            }
+            self.surface[to..to + part.width].copy_from_slice(&surface[from]);
         }
         let per_side = texels / EXTREMES_SIDE;
         for y in part.y / EXTREMES_SIDE..=(part.y + part.height - 1) / EXTREMES_SIDE {

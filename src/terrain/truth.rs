@@ -371,10 +371,10 @@ impl Field {
             });
             let rows: Vec<usize> = rows.collect();
             for x in 0..self.side {
-                let column = self.grid.canonical(self.west + signed(x));
+                let column = self.column(x);
                 for &y in &rows {
                     let row = self.south + signed(y);
-                    let key = TileKey::of_post(0, column, row);
+                    let key = TileKey::of_post(self.partition, 0, column, row);
                     if held.map(|(k, _)| k) != Some(key) {
                         let there = source.contains(key)
                             && source.read_tile(key, &mut reader, &mut tile).is_ok();
@@ -389,6 +389,15 @@ impl Field {
                     }
                 }
             }
+        }
+    }
+
+    /// The column that tiles know a column of the field by.
+    fn column(&self, x: usize) -> i32 {
+        let column = self.west + signed(x);
+        match self.partition {
+            Partition::Geographic => self.grid.canonical(column),
+            Partition::North | Partition::South => column,
         }
     }
 
