@@ -5,6 +5,7 @@ use std::rc::Rc;
 use super::{LevelPlan, Shader, TABLE, TerrainRenderer, pattern_vertices, texel};
 use crate::gl::buffer::{Attribute, Scalar};
 use crate::gl::feedback::Recorder;
+use crate::gl::target::Target;
 use crate::gl::terrain::Look;
 use crate::gl::{GlError, Gpu};
 use crate::terrain::blocks::{BLOCKS_MAX, Block};
@@ -33,6 +34,8 @@ const OUTPUTS: [&str; 3] = ["v_position", "v_vertex", "gl_Position"];
 pub struct VertexRecorder {
     shader: Shader,
     recorder: Recorder,
+    /// Nothing is drawn into it, but GL wants a framebuffer.
+    target: Target,
 }
 
 impl VertexRecorder {
@@ -50,6 +53,7 @@ impl VertexRecorder {
                 &OUTPUTS,
             )?,
             recorder: Recorder::new(gpu, vertices * size_of::<Vertex>())?,
+            target: Target::offscreen(gpu, 1, 1, 0)?,
         })
     }
 }
@@ -67,6 +71,7 @@ impl TerrainRenderer {
     ) -> Result<(), GlError> {
         let plan = self.scene.plan();
         let shader = &with.shader;
+        with.target.bind();
         shader.program.bind();
         self.tables[self.table].bind(TABLE);
         self.set_frame(shader, plan, &Look::BARE);
