@@ -13,9 +13,9 @@ pub const SIGNALS_QUEUED_MAX: usize = 16_384;
 /// longest is 552.
 pub const DATAGRAM_BYTES_MAX: usize = 1472;
 
-/// Clipmap levels. With 3" posts at the finest level, level 7 has 6.4' posts; 255 of them span 27 degrees of latitude,
-/// 1500 km to each side; the horizon from 20 km is at 505 km.
-pub const LEVELS_MAX: usize = 10;
+/// Clipmap levels: 0 to 9 from 3" posts, 0 to 11 from 1". The coarsest have posts half a degree apart: 127 of them, the
+/// fewest a board may ask for, reach 1000 km east and west at 70 degrees of latitude; the horizon from 20 km is at 505 km.
+pub const LEVELS_MAX: usize = 12;
 
 /// Side of a height texture in texels: a power of two (toroidal addresses are masked), at least the vertices of a level.
 pub const LEVEL_TEXELS: usize = 256;

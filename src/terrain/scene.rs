@@ -618,7 +618,7 @@ fn depth(near_m: f64, far_m: f64) -> (f32, f32) {
 }
 
 /// The slice of the depth buffer of the `at`-th level drawn: the nearer half for the first, the rest shared equally.
-#[expect(clippy::cast_precision_loss, reason = "at most ten levels")]
+#[expect(clippy::cast_precision_loss, reason = "at most twelve levels")]
 fn slice(at: usize, coarser: usize) -> (f32, f32) {
     if at == 0 {
         return (0.0, 0.5);
