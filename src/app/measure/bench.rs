@@ -7,7 +7,8 @@ use crate::gl::target::Target;
 use crate::gl::terrain::record::VertexRecorder;
 use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
 use crate::terrain::clipmap::Shape;
-use crate::terrain::scene::{FrameFigures, Settings};
+use crate::terrain::partition::Partition;
+use crate::terrain::scene::{FrameFigures, Scene, Settings};
 use crate::terrain::surface::TileSource;
 use crate::time::Monotonic;
 use crate::units::Radians;
@@ -47,6 +48,7 @@ pub struct Bench {
     pub gpu: Rc<Gpu>,
     /// Draws the source.
     pub terrain: TerrainRenderer,
+    shape: Shape,
     recorder: Option<VertexRecorder>,
     targets: Vec<Target>,
 }
@@ -70,6 +72,7 @@ impl Bench {
         Ok(Self {
             gpu: Rc::clone(gpu),
             terrain,
+            shape,
             recorder: None,
             targets: Vec::new(),
         })
@@ -111,6 +114,12 @@ impl Bench {
                 "report this",
             )
         })
+    }
+
+    /// The partition that the planned view is drawn in.
+    #[must_use]
+    pub fn partition(&self) -> Option<Partition> {
+        self.terrain.scene().map(Scene::partition)
     }
 
     /// Draws the planned view on nothing: red, green, blue and opacity of each pixel, rows from the top; 0 opacity is what
@@ -158,7 +167,7 @@ impl Bench {
     pub fn recorder(&mut self) -> Result<(&TerrainRenderer, &VertexRecorder), Failure> {
         let recorder = match self.recorder.take() {
             Some(made) => made,
-            None => VertexRecorder::new(&self.gpu, &self.terrain).map_err(|e| refused(&e))?,
+            None => VertexRecorder::new(&self.gpu, self.shape).map_err(|e| refused(&e))?,
         };
         Ok((&self.terrain, self.recorder.insert(recorder)))
     }

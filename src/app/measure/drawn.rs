@@ -81,14 +81,16 @@ impl Points {
     /// With what the GPU refuses.
     pub fn heights(&mut self, bench: &mut Bench) -> Result<Vec<f64>, Failure> {
         let (terrain, recorder) = bench.recorder()?;
-        let scene = terrain.scene();
+        let mut out = vec![f64::NAN; self.points.len()];
+        let Some(scene) = terrain.scene() else {
+            return Ok(out);
+        };
         let shape = scene.settings().shape;
         let anchor_m =
             scene.heights().base_m + scene.heights().unit_m * f64::from(scene.plan().anchor_code);
         if self.placed.as_ref().map(|p| p.partition) != Some(scene.partition()) {
             self.placed = Some(Placed::new(&self.points, scene.partition(), scene.grid()));
         }
-        let mut out = vec![f64::NAN; self.points.len()];
         let Some(placed) = &self.placed else {
             return Ok(out);
         };

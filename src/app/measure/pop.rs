@@ -155,7 +155,7 @@ pub fn fly(
         ..Pops::default()
     };
     let mut changes = crate::app::measure::surface::Spread::default();
-    let (mut last, mut partition) = (points.heights(bench)?, bench.terrain.scene().partition());
+    let (mut last, mut partition) = (points.heights(bench)?, bench.partition());
     let mut large: Vec<f64> = Vec::new();
     for frame in 1..=frames {
         let begun = Monotonic::read();
@@ -182,7 +182,7 @@ pub fn fly(
                 (out.px_max, out.at) = (px, (frame, distance_m));
             }
         }
-        let drawn_in = bench.terrain.scene().partition();
+        let drawn_in = bench.partition();
         out.seams += u32::from(drawn_in != partition);
         (last, partition) = (now, drawn_in);
         out.frames += 1;

@@ -253,7 +253,9 @@ pub fn each_vertex(
     each: &mut dyn FnMut(u8, DVec3, &Vertex),
 ) -> Result<(), Failure> {
     let (terrain, recorder) = bench.recorder()?;
-    let scene = terrain.scene();
+    let Some(scene) = terrain.scene() else {
+        return Ok(());
+    };
     let (partition, grid) = (scene.partition(), scene.grid());
     let anchor_m =
         scene.heights().base_m + scene.heights().unit_m * f64::from(scene.plan().anchor_code);

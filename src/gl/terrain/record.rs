@@ -2,13 +2,12 @@
 
 use std::rc::Rc;
 
-use super::{LevelPlan, Shader, TABLE, TerrainRenderer, pattern_vertices, texel};
-use crate::gl::buffer::{Attribute, Scalar};
+use super::{LevelPlan, Look, Partition, Shader, TABLE, TerrainRenderer, pattern_vertices, texel};
 use crate::gl::feedback::Recorder;
 use crate::gl::target::Target;
-use crate::gl::terrain::Look;
 use crate::gl::{GlError, Gpu};
-use crate::terrain::blocks::{BLOCKS_MAX, Block};
+use crate::terrain::blocks::BLOCKS_MAX;
+use crate::terrain::clipmap::Shape;
 
 /// A vertex as the shader puts it out.
 #[repr(C)]
@@ -32,26 +31,24 @@ const OUTPUTS: [&str; 3] = ["v_position", "v_vertex", "gl_Position"];
 /// Reads vertices back; see [`TerrainRenderer::record`].
 #[derive(Debug)]
 pub struct VertexRecorder {
-    shader: Shader,
+    geographic: Shader,
+    cap: Shader,
     recorder: Recorder,
     /// Nothing is drawn into it, but GL wants a framebuffer.
     target: Target,
 }
 
 impl VertexRecorder {
-    /// Compiles the terrain's vertex shader once more, with its outputs recorded.
+    /// Compiles the terrain's vertex shaders once more, with their outputs recorded.
     ///
     /// # Errors
     /// [`GlError`].
-    pub fn new(gpu: &Rc<Gpu>, renderer: &TerrainRenderer) -> Result<Self, GlError> {
-        let vertices = pattern_vertices(renderer.scene.settings().shape).len() * BLOCKS_MAX;
+    pub fn new(gpu: &Rc<Gpu>, shape: Shape) -> Result<Self, GlError> {
+        let vertices = pattern_vertices(shape).len() * BLOCKS_MAX;
+        let shader = |is_cap| Shader::recording(gpu, "terrain record", false, is_cap, &OUTPUTS);
         Ok(Self {
-            shader: Shader::recording(
-                gpu,
-                "terrain record",
-                "#define RANGE\n#define RECORD",
-                &OUTPUTS,
-            )?,
+            geographic: shader(false)?,
+            cap: shader(true)?,
             recorder: Recorder::new(gpu, vertices * size_of::<Vertex>())?,
             target: Target::offscreen(gpu, 1, 1, 0)?,
         })
@@ -60,7 +57,7 @@ impl VertexRecorder {
 
 impl TerrainRenderer {
     /// Gives the vertices of the planned frame's visible blocks, level by level: for each block all vertices of the
-    /// pattern ([`crate::terrain::blocks::pattern_vertices`]).
+    /// pattern ([`pattern_vertices`]). Nothing where the pack has no posts for the eye.
     ///
     /// # Errors
     /// [`GlError`].
@@ -69,23 +66,23 @@ impl TerrainRenderer {
         with: &VertexRecorder,
         each: &mut dyn FnMut(&LevelPlan, &[Vertex]),
     ) -> Result<(), GlError> {
-        let plan = self.scene.plan();
-        let shader = &with.shader;
+        let Some(at) = self.world.drawn_index() else {
+            return Ok(());
+        };
+        let scene = &self.world.scenes()[at];
+        let shader = match scene.partition() {
+            Partition::Geographic => &with.geographic,
+            Partition::North | Partition::South => &with.cap,
+        };
         with.target.bind();
         shader.program.bind();
         self.tables[self.table].bind(TABLE);
-        self.set_frame(shader, plan, &Look::BARE);
-        let corners = pattern_vertices(self.scene.settings().shape).len();
-        let array = &self.arrays[self.region];
-        for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
-            self.set_level(shader, level);
-            let block = Attribute {
-                location: 1,
-                components: 4,
-                scalar: Scalar::U8Int,
-                offset_bytes: u16::try_from(level.blocks.0 * size_of::<Block>()).unwrap_or(0),
-            };
-            array.add(&self.blocks.regions()[self.region], 4, &[block], 1);
+        self.set_frame(shader, scene, &Look::BARE);
+        let corners = pattern_vertices(scene.settings().shape).len();
+        let levels = &scene.plan().levels;
+        for level in levels.iter().filter(|level| level.blocks.1 > 0) {
+            self.set_level(shader, scene, &self.textures[at], level);
+            let array = self.blocks_of(level);
             let draw = || array.draw_points(texel(corners), texel(level.blocks.1));
             let vertices = with.recorder.record(corners * level.blocks.1, draw)?;
             each(level, &vertices);
