@@ -17,20 +17,8 @@ pub const DATAGRAM_BYTES_MAX: usize = 1472;
 /// fewest a board may ask for, reach 1000 km east and west at 70 degrees of latitude; the horizon from 20 km is at 505 km.
 pub const LEVELS_MAX: usize = 12;
 
-/// Side of a height texture in texels: a power of two (toroidal addresses are masked), at least the vertices of a level.
-pub const LEVEL_TEXELS: usize = 256;
-
 /// Vertices along the side of a level at the finest board setting.
-pub const LEVEL_VERTICES_MAX: usize = 255;
+pub const LEVEL_VERTICES_MAX: usize = 447;
 
 /// Side of a terrain tile in a pack, in posts.
 pub const TILE_POSTS: usize = 128;
-
-const _: () = assert!(
-    LEVEL_VERTICES_MAX < LEVEL_TEXELS,
-    "a level must fit its torus with a spare column"
-);
-const _: () = assert!(
-    LEVEL_TEXELS.is_power_of_two(),
-    "toroidal addresses are masked"
-);

@@ -23,7 +23,7 @@ use crate::limits::LEVELS_MAX;
 use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices, pattern_vertices};
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
-use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings, TABLE_ENTRIES};
+use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
@@ -203,7 +203,7 @@ impl TerrainRenderer {
         let has_cap = world.scenes().len() > 1;
         let table = || {
             let rows = 2 * u32::from(levels);
-            let columns = texel(TABLE_ENTRIES);
+            let columns = texel(settings.shape.texels());
             Texture::new(
                 gpu,
                 Format::Rgba32F,
@@ -374,10 +374,10 @@ impl TerrainRenderer {
         let block = Attribute {
             location: 1,
             components: 4,
-            scalar: Scalar::U8Int,
+            scalar: Scalar::U16Int,
             offset_bytes: u16::try_from(first).unwrap_or(0),
         };
-        array.add(&self.blocks.regions()[self.region], 4, &[block], 1);
+        array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
         array
     }
 

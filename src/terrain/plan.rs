@@ -35,7 +35,7 @@ pub struct Plan {
     pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
     /// Their blocks.
     pub blocks: Vec<Block>,
-    /// Two rows of [`super::scene::TABLE_ENTRIES`] for each level of the pack: columns, then rows.
+    /// Two rows of as many entries as a torus has texels for each level of the pack: columns, then rows.
     pub tables: Vec<Entry>,
     /// Changes when `tables` does.
     pub tables_version: u32,

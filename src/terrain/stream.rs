@@ -2,7 +2,7 @@
 //! of texels a frame that is never passed. The render thread's half of the streaming; the other is [`super::worker`].
 //!
 //! A window moves only in the frame in which the last texel of its strip has been uploaded, so what is drawn is whole
-//! after every frame. A level that the eye has left by more than 48 posts is not drawn until it has been filled anew; until then the
+//! after every frame. A level that the eye has left by more than 48 posts (see [`Shape::strip_steps_max`]) is not drawn until it has been filled anew; until then the
 //! coarser one draws without a hole.
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
@@ -10,12 +10,9 @@ use super::surface::{BATCH_TEXELS, Batch};
 use super::worker::{BATCHES, Job, Parcel, Worker};
 use crate::limits::LEVELS_MAX;
 
-/// A window that is farther than this from where it should be, in posts, is filled anew instead of moved. Less than half of
-/// the smallest window, so that the eye stands inside every window that is drawn.
-const STRIP_STEPS_MAX: i32 = 48;
 /// Side of the squares in which a level is filled.
 const FILL_SIDE: i32 = 64;
-/// Posts across the widest strip: 16 x 255 fit a batch.
+/// Posts across the widest strip: 16 x 255 fit a batch, of wider windows less.
 const STRIP_POSTS_MAX: i32 = 16;
 /// Side of the squares of the torus whose extremes are kept.
 const EXTREMES_SIDE: usize = 16;
@@ -371,7 +368,7 @@ impl Streamer {
         let at = usize::from(level);
         let around = |current| Window::around(self.shape, eye.0, eye.1, current);
         let far = |a: Window, b: Window| {
-            (a.i - b.i).abs() > STRIP_STEPS_MAX || (a.j - b.j).abs() > STRIP_STEPS_MAX
+            (a.i - b.i).abs().max((a.j - b.j).abs()) > self.shape.strip_steps_max()
         };
         match self.levels[at].residency {
             Residency::Out => self.begin(level, around(None)),
@@ -536,7 +533,7 @@ impl Level {
     }
 }
 
-/// A count of posts as a job holds it: at most 255.
+/// A count of posts as a job holds it: at most a few hundred.
 fn count(posts: i32) -> u16 {
     u16::try_from(posts).unwrap_or(0)
 }

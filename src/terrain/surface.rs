@@ -16,7 +16,7 @@ use crate::units::Radians;
 use arrayvec::ArrayVec;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Texels of the largest job: 64 x 64, or a strip of 16 x 255.
+/// Texels of the largest job: 64 x 64, or a strip of 16 x 255 or 8 x 447.
 pub const BATCH_TEXELS: usize = 4096;
 
 /// Decoded tiles that are kept: a window of 255 posts with its border touches 3 x 3 tiles on most of its 12 levels; and a
@@ -194,7 +194,7 @@ pub struct Sampler<'a, S> {
     coarse: Vec<Post>,
 }
 
-/// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66 or 18 x 257.
+/// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66, 18 x 257 or 10 x 449.
 const SCRATCH_POSTS: usize = 5000;
 
 impl<'a, S: TileSource> Sampler<'a, S> {
