@@ -134,7 +134,11 @@ impl Shader {
     ) -> Result<Self, GlError> {
         let range = if is_colour { "" } else { "#define RANGE\n" };
         let cap = if is_cap { "#define CAP\n" } else { "" };
-        let record = if outputs.is_empty() { "" } else { "#define RECORD\n" };
+        let record = if outputs.is_empty() {
+            ""
+        } else {
+            "#define RECORD\n"
+        };
         let defines = format!("{range}{cap}{record}");
         let source = |text: &str| format!("{defines}#line 1\n{text}");
         let program = Program::recording(

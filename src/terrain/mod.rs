@@ -8,6 +8,7 @@
 
 pub mod archive;
 pub mod bake;
+pub mod bake_cap;
 pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
@@ -24,8 +25,8 @@ pub mod input;
 pub mod pack;
 mod pack_format;
 pub mod partition;
-pub mod planet;
 mod plan;
+pub mod planet;
 pub mod raster;
 pub mod scene;
 pub mod store;
