@@ -98,6 +98,12 @@ impl Field {
         self.side
     }
 
+    /// Column and row of the south-west post, finest level.
+    #[must_use]
+    pub const fn origin(&self) -> (i32, i32) {
+        (self.west, self.south)
+    }
+
     /// Distance between posts northwards, metres.
     #[must_use]
     pub fn spacing_m(&self) -> f64 {

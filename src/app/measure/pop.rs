@@ -34,8 +34,9 @@ pub struct Path {
 }
 
 impl Path {
-    /// Where the eye is over the ground after a distance.
-    fn point(&self, along_m: f64) -> Geodetic {
+    /// Where the path is over the ground after a distance in metres; at height 0.
+    #[must_use]
+    pub fn point(&self, along_m: f64) -> Geodetic {
         let (sin, cos) = self.heading_deg.to_radians().sin_cos();
         let degrees = along_m / WGS84_B_M.to_radians();
         let lat = self.from_deg.0 + degrees * cos;

@@ -437,3 +437,43 @@ pub fn on_planets(
     }
     Ok(found)
 }
+
+/// Views over and around what a pack covers, low and high, and streaming over it.
+///
+/// # Errors
+/// As [`settled`].
+pub fn of_pack<S: TileSource>(
+    bench: &mut Bench,
+    source: &S,
+    poses: usize,
+    done: &mut dyn FnMut(usize),
+) -> Result<Found, Failure> {
+    let mut dice = Dice::new(11);
+    let info = source.info();
+    let b = info.bounds;
+    let views = if poses >= 600 { 50 } else { 5 };
+    let places: Vec<(f64, f64)> = (0..poses.div_ceil(views))
+        .map(|_| {
+            // A little of what lies beyond its edges.
+            let lat = dice.between(b.south_deg - 0.1, b.north_deg + 0.1);
+            (
+                lat.clamp(-90.0, 90.0),
+                dice.between(b.west_deg - 0.1, b.east_deg + 0.1),
+            )
+        })
+        .collect();
+    let plan = Plan {
+        views,
+        above_min_m: 2.0,
+    };
+    let mut found = settled(bench, source, &mut dice, &places, plan, done)?;
+    let few = &places[..places.len().min(4)];
+    found.add(hungry(
+        bench,
+        info.height_min_m,
+        few,
+        30,
+        info.height_max_m + 400.0,
+    )?);
+    Ok(found)
+}
