@@ -26,6 +26,9 @@ out vec2 v_ground;            // height above the ellipsoid, m; blend into the c
 #ifdef RANGE
 out vec3 v_position;
 #endif
+#ifdef RECORD
+out vec4 v_vertex;            // cell east and north, height above the anchor in m, blend
+#endif
 
 invariant gl_Position;
 
@@ -68,5 +71,8 @@ void main() {
     v_ground = vec2(rise + float(torus.y) * scale.y + scale.w, blend);
 #ifdef RANGE
     v_position = p;
+#endif
+#ifdef RECORD
+    v_vertex = vec4(at, rise, blend);
 #endif
 }

@@ -4,6 +4,8 @@
 //! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
 //! tables and blocks rotate through three textures and buffers.
 
+pub mod record;
+
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -119,15 +121,32 @@ impl Shader {
         is_colour: bool,
         is_cap: bool,
     ) -> Result<Self, GlError> {
+        Self::recording(gpu, name, is_colour, is_cap, &[])
+    }
+
+    /// With some of the vertex shader's outputs recorded.
+    fn recording(
+        gpu: &Rc<Gpu>,
+        name: &'static str,
+        is_colour: bool,
+        is_cap: bool,
+        outputs: &[&str],
+    ) -> Result<Self, GlError> {
         let range = if is_colour { "" } else { "#define RANGE\n" };
         let cap = if is_cap { "#define CAP\n" } else { "" };
-        let defines = format!("{range}{cap}");
+        let record = if outputs.is_empty() {
+            ""
+        } else {
+            "#define RECORD\n"
+        };
+        let defines = format!("{range}{cap}{record}");
         let source = |text: &str| format!("{defines}#line 1\n{text}");
-        let program = Program::new(
+        let program = Program::recording(
             gpu,
             name,
             &source(include_str!("../../shaders/terrain.vert")),
             &source(include_str!("../../shaders/terrain.frag")),
+            outputs,
         )?;
         program.sampler("heights", HEIGHTS)?;
         program.sampler("tables", TABLE)?;
@@ -340,17 +359,9 @@ impl TerrainRenderer {
             gl.disable(glow::BLEND);
             gl.disable(glow::CULL_FACE);
         }
-        let array = &self.arrays[self.region];
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
-            let first = level.blocks.0 * size_of::<Block>();
-            let block = Attribute {
-                location: 1,
-                components: 4,
-                scalar: Scalar::U16Int,
-                offset_bytes: u16::try_from(first).unwrap_or(0),
-            };
-            array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
+            let array = self.blocks_of(level);
             array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
         }
         // SAFETY: as above.
@@ -358,6 +369,20 @@ impl TerrainRenderer {
             gl.depth_range_f32(0.0, 1.0);
             gl.disable(glow::DEPTH_TEST);
         }
+    }
+
+    /// The vertex array that draws a level's blocks.
+    fn blocks_of(&self, level: &LevelPlan) -> &VertexArray {
+        let array = &self.arrays[self.region];
+        let first = level.blocks.0 * size_of::<Block>();
+        let block = Attribute {
+            location: 1,
+            components: 4,
+            scalar: Scalar::U16Int,
+            offset_bytes: u16::try_from(first).unwrap_or(0),
+        };
+        array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
+        array
     }
 
     #[expect(
