@@ -7,8 +7,8 @@
 //!
 //! The tiles written so far are read back. A cap tile asks for each of its posts' neighbours, sorts them by the tile they
 //! are in and reads each tile once: at the pole, where a row of cap posts crosses all longitudes, as cheaply as elsewhere
-//! a tile. All in all every geographic tile is unpacked about ten times, and a cap costs about as much as its part of the
-//! geographic bake.
+//! a tile. Every geographic tile is unpacked several times; a cap takes about as long as the geographic posts under it at 70
+//! degrees, and a third of that near the pole, where it has fewer posts than they.
 //!
 //! Memory: the index of the tiles read, a few blocks, and the tiles of coarse levels that are open along a
 //! row of cap tiles: at most 24 MB for 3", 72 MB for 1".
