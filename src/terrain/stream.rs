@@ -6,7 +6,7 @@
 //! coarser one draws without a hole.
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
-use super::surface::{BATCH_TEXELS, Batch};
+use super::surface::{BATCH_TEXELS, Batch, KIND_VOID};
 use super::worker::{BATCHES, Job, Parcel, Worker};
 use crate::limits::LEVELS_MAX;
 
@@ -479,7 +479,7 @@ impl Level {
             let to = (part.y + row) * texels + part.x;
             self.heights[to..to + part.width].copy_from_slice(&heights[from.clone()]);
             for (void, s) in self.void[to..].iter_mut().zip(&surface[from]) {
-                *void = s[3] > 0;
+                *void = s[3] == KIND_VOID;
             }
         }
         let per_side = texels / EXTREMES_SIDE;
