@@ -9,6 +9,7 @@ mod clipmap_support;
 use clipmap_support::{Dice, Land, mountains, sea};
 use glasswing::geo::{Attitude, Camera, Geodetic};
 use glasswing::terrain::clipmap::{Shape, TorusPart, torus_texel};
+use glasswing::terrain::partition::Partition;
 use glasswing::terrain::scene::{Scene, Settings};
 use glasswing::terrain::stream::{NoTerrain, Sink};
 use glasswing::terrain::surface::{Damage, Sampler, TileSource};
@@ -110,7 +111,7 @@ fn windows_are_whole_after_every_frame_and_the_quota_is_never_passed() {
     let damage = Damage::default();
     let mut scene = Scene::new(Arc::clone(&land), settings()).expect("a thread");
     let heights = scene.heights();
-    let mut sampler = Sampler::new(&*land, heights, &damage);
+    let mut sampler = Sampler::new(&*land, Partition::Geographic, heights, &damage);
     let mut record = Record::new(scene.levels());
     let mut dice = Dice(1);
     for (lat, lon) in [(10.0, 179.99), (-47.0, 12.0), (55.0, -100.0)] {
@@ -268,7 +269,7 @@ fn levels_agree_on_shared_posts_whatever_is_damaged() {
         .broken(|key| (key.column + key.row + i32::from(key.level)) % 3 == 0);
     let damage = Damage::default();
     let heights = glasswing::terrain::tables::HeightCode::covering(-500.0, 7000.0);
-    let mut sampler = Sampler::new(&land, heights, &damage);
+    let mut sampler = Sampler::new(&land, Partition::Geographic, heights, &damage);
     let (w, h) = (60, 60);
     let (mut fine, mut coarse) = (vec![[0; 2]; w * h], vec![[0; 2]; w * h]);
     let mut surface = vec![[0; 4]; w * h];

@@ -8,6 +8,7 @@ use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TILE_SIDE, TileKey};
 use crate::terrain::pack::{PackInfo, PostRect, SourceInfo};
+use crate::terrain::partition::Partition;
 use crate::terrain::store::{EncodedTile, PackWriter, Scale, Statistics};
 use std::collections::BTreeMap;
 use std::io;
@@ -118,7 +119,7 @@ impl Levels {
         let west = block.west.div_euclid(step) + i32::from(block.west.rem_euclid(step) != 0);
         let mut i = west;
         while let Some(place) = within(i * step - block.west, block.columns) {
-            let key = TileKey::of_post(level, i, j);
+            let key = TileKey::of_post(Partition::Geographic, level, i, j);
             let next = (key.column + 1) * TILE_SIDE;
             let posts = row[place..].iter().step_by(offset(step));
             let posts = posts.take(offset(next - i)).enumerate();

@@ -1,11 +1,15 @@
 //! The grid of posts that every pack uses, its levels and its tiles. Pure integer geometry.
 //!
+//! What is said here of longitude and latitude holds for the geographic partition; a cap counts its posts in the same way
+//! in its own two angles ([`Partition`]), both of which stay within 26 degrees of 0, so that nothing wraps there.
+//!
 //! Level 0 posts stand at longitude `i / posts_per_degree` and latitude `j / posts_per_degree` degrees; (0, 0) is 0N 0E,
 //! i grows eastwards and j northwards. Post (i, j) of level l *is* level-0 post (i 2^l, j 2^l): coarse levels are point
 //! samples, so a post that several levels share has one height. Longitude wraps; i is stored in the half-open range
 //! -180 to 180 degrees.
 
 use crate::limits::{LEVELS_MAX, TILE_POSTS};
+use crate::terrain::partition::Partition;
 
 /// Side of a tile in posts, as the integer that post coordinates are made of.
 pub const TILE_SIDE: i32 = {
@@ -183,9 +187,11 @@ pub struct Bounds {
 }
 
 /// Names one tile: posts `column * 128 .. column * 128 + 128` by `row * 128 .. row * 128 + 128` of its level. Sorted by
-/// level, then row, then column, which is the order of a pack's index.
+/// partition, then level, then row, then column, which is the order of a pack's index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TileKey {
+    /// Whose posts.
+    pub partition: Partition,
     /// Level, 0 the finest.
     pub level: u8,
     /// Tile column, eastwards.
@@ -195,10 +201,11 @@ pub struct TileKey {
 }
 
 impl TileKey {
-    /// The tile that holds post (i, j) of a level; `i` must be canonical.
+    /// The tile that holds post (i, j) of a level; `i` must be canonical in the geographic partition.
     #[must_use]
-    pub const fn of_post(level: u8, i: i32, j: i32) -> Self {
+    pub const fn of_post(partition: Partition, level: u8, i: i32, j: i32) -> Self {
         Self {
+            partition,
             level,
             column: i.div_euclid(TILE_SIDE),
             row: j.div_euclid(TILE_SIDE),
@@ -226,7 +233,8 @@ impl TileKey {
 
 impl Ord for TileKey {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.level, self.row, self.column).cmp(&(other.level, other.row, other.column))
+        let order = |k: &Self| (k.partition, k.level, k.row, k.column);
+        order(self).cmp(&order(other))
     }
 }
 
@@ -238,6 +246,9 @@ impl PartialOrd for TileKey {
 
 impl std::fmt::Display for TileKey {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.partition != Partition::Geographic {
+            write!(f, "{} ", self.partition.name())?;
+        }
         write!(
             f,
             "level {} column {} row {}",
@@ -298,7 +309,7 @@ mod tests {
 
     #[test]
     fn negative_posts_belong_to_negative_tiles() {
-        let key = TileKey::of_post(0, -1, -129);
+        let key = TileKey::of_post(Partition::Geographic, 0, -1, -129);
         assert_eq!((key.column, key.row), (-1, -2), "floor, not truncation");
         assert_eq!(
             TileKey::index_of(-1, -129),

@@ -58,6 +58,16 @@ impl Partition {
         }
     }
 
+    /// Its name in texts and documents.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Geographic => "geographic",
+            Self::North => "north cap",
+            Self::South => "south cap",
+        }
+    }
+
     /// The cap on a latitude's side of the equator.
     #[must_use]
     pub const fn cap(latitude_deg: f64) -> Self {

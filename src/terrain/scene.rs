@@ -10,6 +10,7 @@ use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
 use super::clipmap::{self, CellRect, Morph, Shape, View, Window};
 use super::cull::{Bound, Patch, Span, Viewer};
 use super::grid::Grid;
+use super::partition::Partition;
 use super::stream::{NoTerrain, Sink, Streamer, Uploads};
 use super::surface::{DamageCounts, TileSource};
 use super::tables::{Anchor, AnchorPost, Entry, HeightCode};
@@ -161,7 +162,7 @@ impl Scene {
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
-        let worker = Worker::start(source, settings.shape, heights)?;
+        let worker = Worker::start(source, Partition::Geographic, settings.shape, heights)?;
         Ok(Self {
             settings,
             grid,

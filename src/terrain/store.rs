@@ -5,7 +5,7 @@ use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TileKey};
 use crate::terrain::pack::{FORMAT, HEADER_BYTES, PackInfo, PostRect, SourceInfo};
-use crate::terrain::pack_format::{CRC, Entry, Header, rect_bytes};
+use crate::terrain::pack_format::{CRC, Entry, Header, partitions, rect_bytes};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -206,6 +206,7 @@ impl PackWriter {
             version: FORMAT,
             grid: self.grid,
             levels: self.grid.level_count(),
+            partitions: partitions(&self.entries),
             rect,
             bounds: rect.bounds(self.grid),
             unit_m: self.scale.unit_m,

@@ -43,9 +43,10 @@ impl Land {
             east: grid.posts_around() / 2 - 1,
         };
         let info = PackInfo {
-            version: 1,
+            version: 2,
             grid,
             levels: grid.level_count(),
+            partitions: [true, false, false],
             rect,
             bounds: Bounds {
                 south_deg: -90.0,
