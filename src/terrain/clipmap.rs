@@ -6,7 +6,8 @@
 //! at texel (i mod T, j mod T), wherever the window stands.
 //!
 //! Longitude is kept continuous across the date line by whoever follows the eye, so post columns may lie beyond
-//! +-180 degrees; only reading tiles brings them back. Rows end near the poles, see [`row_limit`].
+//! +-180 degrees; only reading tiles brings them back. Rows of the geographic partition end short of the poles, see
+//! [`row_limit`]. In a cap, longitude and latitude are those of its grid ([`super::partition`]).
 //!
 //! Sources: F. Losasso and H. Hoppe, "Geometry clipmaps", SIGGRAPH 2004; A. Asirvatham and H. Hoppe, GPU Gems 2,
 //! chapter 2.
@@ -28,8 +29,9 @@ const MORPH_LAG_POSTS: f64 = 2.0;
 /// Share of a window's half-width over which it blends into the next coarser level.
 const MORPH_SHARE: f64 = 0.15;
 
-/// Latitude beyond which nothing is drawn: a geographic grid has no useful posts there.
-const LATITUDE_MAX_DEG: f64 = 89.0;
+/// Latitude beyond which the geographic partition draws nothing. It is drawn up to a degree or so beyond the seam, from where
+/// the horizon of 20 km and the highest mountains behind it end at 79 degrees.
+const LATITUDE_MAX_DEG: f64 = 85.0;
 
 /// How many vertices a level has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,15 +131,15 @@ pub fn post_position(grid: Grid, level: u8, longitude_deg: f64, latitude_deg: f6
     (longitude_deg * per_degree, latitude_deg * per_degree)
 }
 
-/// Highest drawn post row of a level; the lowest is its negative. All `levels` levels end at the same latitude, the last
-/// even row of the coarsest one within 89 degrees: nothing is drawn nearer to the poles.
+/// Highest drawn post row of a level of the geographic partition; the lowest is its negative. All `levels` levels end at the
+/// same latitude, the last even row of the coarsest one within 85 degrees.
 #[must_use]
 pub fn row_limit(grid: Grid, levels: u8, level: u8) -> i32 {
     let coarsest = levels.saturating_sub(1);
     let per_degree = f64::from(grid.posts_per_degree) / f64::from(1_u32 << coarsest);
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "below 89 x 10 800, a small whole number"
+        reason = "below 85 x 10 800, a small whole number"
     )]
     let rows = 2 * (LATITUDE_MAX_DEG * per_degree / 2.0).floor() as i32;
     rows << coarsest.saturating_sub(level)
@@ -146,7 +148,7 @@ pub fn row_limit(grid: Grid, levels: u8, level: u8) -> i32 {
 /// What decides which levels a view wants.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Latitude of the eye, degrees.
+    /// Grid latitude of the eye, degrees.
     pub latitude_deg: f64,
     /// Height of the eye above the ground under it, or above the lowest ground where that is not known, metres.
     pub above_ground_m: f64,
@@ -411,7 +413,7 @@ mod tests {
             let row = row_limit(GRID, 8, level);
             assert_eq!(row, row_limit(GRID, 8, 7) << (7 - level), "level {level}");
             let latitude = GRID.latitude_deg(level, row);
-            assert!((88.7..=89.0).contains(&latitude), "{latitude}");
+            assert!((84.7..=85.0).contains(&latitude), "{latitude}");
         }
     }
 
