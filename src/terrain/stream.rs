@@ -6,7 +6,8 @@
 //! coarser one draws without a hole.
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
-use super::surface::{BATCH_TEXELS, Batch, KIND_VOID};
+use super::surface::{BATCH_TEXELS, Batch};
+use super::texel::KIND_VOID;
 use super::worker::{BATCHES, Job, Parcel, Worker};
 use crate::limits::LEVELS_MAX;
 
