@@ -106,7 +106,7 @@ fn a_pack_comes_back_as_it_was_written() {
     let (path, bytes) = sound("pack_comes_back");
     let pack = Pack::open(&path).expect("sound");
     let info = pack.info();
-    assert_eq!((info.version, info.grid, info.levels), (FORMAT, GRID, 8));
+    assert_eq!((info.version, info.grid, info.levels), (FORMAT, GRID, 10));
     assert_eq!((info.tiles, info.bytes), (3, bytes.len() as u64));
     assert!(info.has(Partition::Geographic) && info.has(Partition::South));
     assert!(!info.has(Partition::North), "known from the index");

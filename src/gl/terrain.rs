@@ -1,10 +1,8 @@
 //! Draws the terrain: the textures of the levels of each [`Scene`] of a [`World`], and one instanced draw for each level of
 //! the scene that is drawn. The caps have a program of their own, with another expression for positions.
 //!
-//! Uploads: a level has one texture for heights and one for its surface, written at the start of a frame. Strips are
-//! 510 texels and come a few times a second, so on a driver that makes a write wait for the draws that read the texture,
-//! the wait is for the frame before this one, which a loop paced by page flips has seen finished. Tables are written
-//! more often and rotate through three textures.
+//! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
+//! tables and blocks rotate through three textures and buffers.
 
 use std::io;
 use std::rc::Rc;
@@ -14,17 +12,18 @@ use arrayvec::ArrayVec;
 use glow::HasContext as _;
 
 use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
+use super::level_textures::LevelTextures;
 use super::look::{Look, LookUniforms, Variant, with_relief};
 use super::program::{Program, UniformLocation};
-use super::texture::{Filter, Format, Region, Texture, Wrap};
+use super::texture::{Filter, Format, Texture, Wrap};
 use super::{GlError, Gpu};
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
 use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices, pattern_vertices};
-use crate::terrain::clipmap::{TorusPart, torus_texel};
+use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
-use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings, TABLE_ENTRIES};
-use crate::terrain::stream::{NoTerrain, Sink};
+use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
+use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
 use crate::units::Metres;
@@ -60,26 +59,6 @@ pub struct TerrainRenderer {
     region: usize,
     arrays: [VertexArray; super::buffer::STREAM_REGIONS],
     indices: u32,
-}
-
-#[derive(Debug)]
-struct LevelTextures {
-    heights: Vec<Texture>,
-    surface: Vec<Texture>,
-}
-
-impl Sink for LevelTextures {
-    fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]) {
-        let region = Region {
-            x: texel(part.x),
-            y: texel(part.y),
-            width: texel(part.width),
-            height: texel(part.height),
-        };
-        let level = usize::from(level);
-        self.heights[level].write(region, bytemuck::cast_slice(heights));
-        self.surface[level].write(region, bytemuck::cast_slice(surface));
-    }
 }
 
 /// The programs of a kind of partition.
@@ -164,21 +143,6 @@ impl Shader {
     }
 }
 
-impl LevelTextures {
-    fn new(gpu: &Rc<Gpu>, scene: &Scene) -> Result<Self, GlError> {
-        let side = texel(scene.settings().shape.texels());
-        let all = |format, filter| -> Result<Vec<Texture>, GlError> {
-            (0..scene.levels())
-                .map(|_| Texture::new(gpu, format, side, side, filter, Wrap::Repeat))
-                .collect()
-        };
-        Ok(Self {
-            heights: all(Format::Rg16Ui, Filter::Nearest)?,
-            surface: all(Format::Rgba8, Filter::Linear)?,
-        })
-    }
-}
-
 impl Shaders {
     fn new(gpu: &Rc<Gpu>, is_cap: bool) -> Result<Self, GlError> {
         let [plain, aware, lined, both] = Variant::ALL;
@@ -209,12 +173,13 @@ impl TerrainRenderer {
         let world = World::new(&source, settings).map_err(TerrainError::Thread)?;
         let mut textures = ArrayVec::new();
         for scene in world.scenes() {
-            textures.push(LevelTextures::new(gpu, scene)?);
+            let texels = settings.shape.texels();
+            textures.push(LevelTextures::new(gpu, scene.levels(), texels)?);
         }
         let has_cap = world.scenes().len() > 1;
         let table = || {
             let rows = 2 * u32::from(levels);
-            let columns = texel(TABLE_ENTRIES);
+            let columns = texel(settings.shape.texels());
             Texture::new(
                 gpu,
                 Format::Rgba32F,
@@ -277,6 +242,9 @@ impl TerrainRenderer {
     /// # Errors
     /// [`BadCamera`]: everything stays as it was.
     pub fn prepare(&mut self, camera: &Camera, quota: usize) -> Result<FrameFigures, BadCamera> {
+        for textures in &mut self.textures {
+            textures.begin_frame();
+        }
         self.world.frame(camera, quota, &mut self.textures)?;
         let mut figures = self.world.figures();
         figures.resident_bytes = self.resident_bytes();
@@ -335,11 +303,9 @@ impl TerrainRenderer {
 
     fn resident_bytes(&self) -> usize {
         let of = |textures: &[Texture]| textures.iter().map(Texture::bytes).sum::<usize>();
-        let levels = self.textures.iter();
-        levels
-            .map(|t| of(&t.heights) + of(&t.surface))
-            .sum::<usize>()
-            + of(&self.tables)
+        let textures = self.textures.iter().map(LevelTextures::bytes);
+        let copies = self.world.scenes().iter().map(|s| s.streamer().bytes());
+        textures.chain(copies).sum::<usize>() + of(&self.tables)
     }
 
     fn draw_with(&self, shader_of: impl Fn(&Shaders) -> &Shader, look: &Look) {
@@ -376,10 +342,10 @@ impl TerrainRenderer {
             let block = Attribute {
                 location: 1,
                 components: 4,
-                scalar: Scalar::U8Int,
+                scalar: Scalar::U16Int,
                 offset_bytes: u16::try_from(first).unwrap_or(0),
             };
-            array.add(&self.blocks.regions()[self.region], 4, &[block], 1);
+            array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
             array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
         }
         // SAFETY: as above.
@@ -439,9 +405,9 @@ impl TerrainRenderer {
         let texels = shape.texels();
         let at = usize::from(level.level);
         let coarser = if level.has_coarser { at + 1 } else { at };
-        textures.surface[coarser].bind(COARSER);
-        textures.surface[at].bind(SURFACE);
-        textures.heights[at].bind(HEIGHTS);
+        textures.bind_surface(coarser, COARSER);
+        textures.bind_surface(at, SURFACE);
+        textures.bind_heights(at, HEIGHTS);
         let own = [level.window.i, level.window.j].map(|v| torus_texel(texels, v));
         // The coarser level's texel of this origin is half of it, in a torus of the same size. Without a coarser level
         // the blend goes to the level itself.

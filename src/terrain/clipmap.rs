@@ -13,7 +13,7 @@
 //! chapter 2.
 
 use super::grid::Grid;
-use crate::limits::{LEVEL_TEXELS, LEVELS_MAX};
+use crate::limits::{LEVEL_VERTICES_MAX, LEVELS_MAX};
 
 /// Radius that turns latitude into metres to within 0.4 %: WGS 84's mean, (2a + b) / 3.
 const MEAN_RADIUS_M: f64 = 6_371_008.8;
@@ -35,19 +35,23 @@ const LATITUDE_MAX_DEG: f64 = 85.0;
 
 /// How many vertices a level has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape(u8);
+pub struct Shape(u16);
 
 impl Shape {
     /// 239 vertices a side.
     pub const DEFAULT: Self = Self(239);
 
-    /// A level of `vertices` a side: 127 to 255, one less than a multiple of 16, so that blocks and the edges of nested
-    /// windows fit. `None` for any other number.
+    /// A level of `vertices` a side: 63 to [`LEVEL_VERTICES_MAX`], one less than a multiple of 16, so that blocks and the
+    /// edges of nested windows fit. `None` for any other number.
     #[must_use]
     pub const fn new(vertices: u32) -> Option<Self> {
-        if vertices >= 127 && vertices <= 255 && (vertices + 1).is_multiple_of(16) {
-            #[expect(clippy::cast_possible_truncation, reason = "at most 255, just checked")]
-            Some(Self(vertices as u8))
+        let fits = vertices >= 63 && vertices <= LEVEL_VERTICES_MAX as u32;
+        if fits && (vertices + 1).is_multiple_of(16) {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "a few hundred, just checked"
+            )]
+            Some(Self(vertices as u16))
         } else {
             None
         }
@@ -65,14 +69,10 @@ impl Shape {
         i32::from(self.0) - 1
     }
 
-    /// Texels a side of the torus: 256, or 128 for the smallest shape.
+    /// Texels a side of the torus: the next power of two, 64 to 512.
     #[must_use]
     pub const fn texels(self) -> usize {
-        if self.0 < 128 {
-            LEVEL_TEXELS / 2
-        } else {
-            LEVEL_TEXELS
-        }
+        (self.0 as usize).next_power_of_two()
     }
 
     /// The longest side of a block in cells: a window is 15 blocks wide, and what is left of it beside a finer window (62 to
@@ -81,6 +81,13 @@ impl Shape {
     #[must_use]
     pub const fn block_cells(self) -> i32 {
         (self.0 as i32 + 1) / 16 + 1
+    }
+
+    /// A window that is farther than this from where it should be, in posts, is filled anew instead of moved. Less than half
+    /// of a window, so that the eye stands inside every window that is drawn.
+    #[must_use]
+    pub fn strip_steps_max(self) -> i32 {
+        (self.cells() / 2 - 8).min(48)
     }
 
     fn half(self) -> f64 {
@@ -330,8 +337,15 @@ mod tests {
     };
 
     fn shapes() -> impl Strategy<Value = Shape> {
-        prop_oneof![Just(127), Just(191), Just(255)]
-            .prop_map(|n| Shape::new(n).expect("a legal shape"))
+        prop_oneof![
+            Just(63),
+            Just(127),
+            Just(191),
+            Just(255),
+            Just(319),
+            Just(447)
+        ]
+        .prop_map(|n| Shape::new(n).expect("a legal shape"))
     }
 
     proptest! {

@@ -31,12 +31,13 @@ pub const TILE_SIDE: i32 = {
 pub const TILE_AREA: usize = TILE_POSTS * TILE_POSTS;
 
 /// Post spacings a pack may have, in posts per degree: 30", 15", 6", 3", 1", 0.5" and 1/3". All divide the degree, so that
-/// posts stand on whole degrees; levels 0 to 7 of each (or as many as it has) close around the Earth.
+/// posts stand on whole degrees. Levels 0 to 6 of each close around the Earth (7 too of all but 30" and 6"); the coarser
+/// ones step over the date line.
 pub const POSTS_PER_DEGREE: [u32; 7] = [120, 240, 600, 1200, 3600, 7200, 10_800];
 
-/// The coarsest level's spacing stays below this many degrees (0.107 for 3", 0.142 for 1"): 255 such posts reach past the
-/// horizon from 20 km.
-const COARSEST_SPACING_DEG: f64 = 0.15;
+/// The coarsest level's spacing stays below this many degrees (0.43 for 3", 0.57 for 1"): the smallest window of such posts
+/// reaches past the horizon from 20 km, at 70 degrees of latitude too.
+const COARSEST_SPACING_DEG: f64 = 0.6;
 
 /// Where posts stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +48,7 @@ pub struct Grid {
 
 impl Grid {
     /// How many levels a pack on this grid has (levels 0 to this less one): as many as keep the coarsest spacing below
-    /// 0.15 degrees, at most [`LEVELS_MAX`]. 8 for 3", 10 for 1".
+    /// 0.6 degrees, at most [`LEVELS_MAX`]. 10 for 3", 12 for 1".
     #[must_use]
     pub fn level_count(&self) -> u8 {
         let mut count: u8 = 1;
@@ -92,7 +93,7 @@ impl Grid {
     }
 
     /// The same for a column of any level. `None` where a level does not close around the Earth and its lattice west of
-    /// the date line has no post there (levels 8 and 9 of a 1" grid beyond 180 degrees).
+    /// the date line has no post there (levels 8 to 11 of a 1" grid beyond 180 degrees).
     #[must_use]
     pub fn canonical_at(&self, level: u8, i: i32) -> Option<i32> {
         let base = self.canonical(i.checked_mul(1 << level)?);
@@ -266,19 +267,20 @@ mod tests {
     };
 
     #[test]
-    fn levels_reach_a_tenth_of_a_degree() {
-        assert_eq!(GRID.level_count(), 8, "3 arc seconds: levels 0 to 7");
+    fn levels_reach_half_a_degree() {
+        assert_eq!(GRID.level_count(), 10, "3 arc seconds: levels 0 to 9");
         let fine = Grid {
             posts_per_degree: 3600,
         };
-        assert_eq!(fine.level_count(), 10, "1 arc second: levels 0 to 9");
+        assert_eq!(fine.level_count(), 12, "1 arc second: levels 0 to 11");
     }
 
     #[test]
-    fn listed_grids_close_around_the_earth_up_to_level_seven() {
+    fn listed_grids_close_around_the_earth_up_to_level_six() {
         for posts_per_degree in POSTS_PER_DEGREE {
             let grid = Grid { posts_per_degree };
-            let level = (grid.level_count() - 1).min(7);
+            let level = 6;
+            assert!(grid.level_count() > level, "{posts_per_degree}");
             assert_eq!(grid.posts_around() % (1 << level), 0, "{posts_per_degree}");
         }
     }

@@ -24,6 +24,7 @@ pub mod input;
 pub mod pack;
 mod pack_format;
 pub mod partition;
+mod plan;
 pub mod raster;
 pub mod scene;
 pub mod store;

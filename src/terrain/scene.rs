@@ -12,8 +12,8 @@ use super::cull::{Bound, Patch, Span, Viewer};
 use super::grid::Grid;
 use super::partition::Partition;
 use super::stream::{NoTerrain, Sink, Streamer, Uploads};
-use super::surface::{DamageCounts, TileSource};
-use super::tables::{Anchor, AnchorPost, Entry, HeightCode};
+use super::surface::TileSource;
+use super::tables::{Anchor, AnchorPost, HeightCode};
 use super::worker::Worker;
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
@@ -23,8 +23,7 @@ use glam::DVec3;
 use std::io;
 use std::sync::Arc;
 
-/// Entries of a row of the table texture: a level's columns or rows, counted from its window's origin.
-pub const TABLE_ENTRIES: usize = 256;
+pub use super::plan::{FrameFigures, LevelPlan, Plan};
 
 /// Nothing is drawn nearer to the eye, metres.
 const NEAR_MIN_M: f64 = 0.2;
@@ -56,85 +55,6 @@ impl Default for Settings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the camera is no camera: a position, attitude or size is not a usable number")]
 pub struct BadCamera;
-
-/// A level as it is drawn.
-#[derive(Clone, Copy, Debug)]
-pub struct LevelPlan {
-    /// Which level.
-    pub level: u8,
-    /// Where its window stands.
-    pub window: Window,
-    /// How it blends into the next.
-    pub morph: Morph,
-    /// Whether the next coarser level is drawn too.
-    pub has_coarser: bool,
-    /// Its blocks: the first in [`Plan::blocks`], and how many.
-    pub blocks: (usize, usize),
-    /// Clip z is the first times clip w plus the second.
-    pub depth: (f32, f32),
-    /// Its slice of the depth buffer.
-    pub slice: (f32, f32),
-}
-
-/// All that drawing a frame needs. Positions are metres, Earth-centred axes, counted from the eye.
-#[derive(Debug)]
-pub struct Plan {
-    /// The levels, finest first.
-    pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
-    /// Their blocks.
-    pub blocks: Vec<Block>,
-    /// Two rows of [`TABLE_ENTRIES`] for each level of the pack: columns, then rows.
-    pub tables: Vec<Entry>,
-    /// Changes when `tables` does.
-    pub tables_version: u32,
-    /// Anchor less eye.
-    pub origin_m: [f32; 3],
-    /// What the first two entries of a column are multiplied by, see [`Anchor::axis_distance_m`].
-    pub axis_distance_m: f32,
-    /// Numbers of the anchor for a cap, see [`Anchor::bulge`].
-    pub bulge: [f32; 4],
-    /// The anchor's height code.
-    pub anchor_code: i32,
-    /// Rows of the projection: clip x, clip y and clip w of a position.
-    pub projection: [[f32; 3]; 3],
-    /// Heading of the view against grid north.
-    pub heading: Radians,
-    /// Triangles with an area.
-    pub triangles: usize,
-}
-
-/// What a frame did.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct FrameFigures {
-    /// Triangles drawn (with an area; surplus ones of the pattern are not counted).
-    pub triangles: usize,
-    /// Draw calls.
-    pub draw_calls: usize,
-    /// Which partition is drawn; `None` where the pack has none for the eye.
-    pub partition: Option<Partition>,
-    /// Finest and coarsest level drawn.
-    pub levels: Option<(u8, u8)>,
-    /// Finest and coarsest level wanted.
-    pub levels_wanted: (u8, u8),
-    /// Terrain texels uploaded.
-    pub uploads_texels: usize,
-    /// Bytes uploaded: terrain, tables and blocks.
-    pub uploads_bytes: usize,
-    /// Bytes of textures and their copies that are resident. Fixed at start.
-    pub resident_bytes: usize,
-    /// Whether every wanted level is whole and in its place, or there is nothing to wait for.
-    pub settled: bool,
-    /// Tiles that could not be read since the start.
-    pub damage: DamageCounts,
-}
-
-impl FrameFigures {
-    /// Whether every wanted level can be drawn.
-    #[must_use]
-    pub fn is_whole(&self) -> bool {
-        self.levels == Some(self.levels_wanted)
-    }
-}
 
 /// A level's uncut blocks with their bounds, kept while windows stand still.
 #[derive(Debug, Default)]
@@ -201,7 +121,7 @@ impl Scene {
             plan: Plan {
                 levels: ArrayVec::new(),
                 blocks: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
-                tables: vec![[0.0; 4]; 2 * usize::from(levels) * TABLE_ENTRIES],
+                tables: vec![[0.0; 4]; 2 * usize::from(levels) * settings.shape.texels()],
                 tables_version: 0,
                 origin_m: [0.0; 3],
                 axis_distance_m: 0.0,
@@ -449,9 +369,10 @@ impl Scene {
             }
             self.tabled.retain(|t| t.0 != plan.level);
             self.tabled.push((plan.level, plan.window));
-            let start = 2 * usize::from(plan.level) * TABLE_ENTRIES;
+            let entries = self.settings.shape.texels();
+            let start = 2 * usize::from(plan.level) * entries;
             let (columns, rows) =
-                self.plan.tables[start..start + 2 * TABLE_ENTRIES].split_at_mut(TABLE_ENTRIES);
+                self.plan.tables[start..start + 2 * entries].split_at_mut(entries);
             for (post, entry) in (plan.window.i..).zip(columns) {
                 *entry = anchor.column(post << plan.level);
             }
@@ -626,7 +547,7 @@ fn depth(near_m: f64, far_m: f64) -> (f32, f32) {
 }
 
 /// The slice of the depth buffer of the `at`-th level drawn: the nearer half for the first, the rest shared equally.
-#[expect(clippy::cast_precision_loss, reason = "at most ten levels")]
+#[expect(clippy::cast_precision_loss, reason = "at most twelve levels")]
 fn slice(at: usize, coarser: usize) -> (f32, f32) {
     if at == 0 {
         return (0.0, 0.5);

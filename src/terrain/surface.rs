@@ -17,11 +17,11 @@ use crate::units::Radians;
 use arrayvec::ArrayVec;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Texels of the largest job: 64 x 64, or a strip of 16 x 255.
+/// Texels of the largest job: 64 x 64, or a strip of 16 x 255 or 8 x 447.
 pub const BATCH_TEXELS: usize = 4096;
 
-/// Decoded tiles that are kept: ten levels of a 255-post window with its border touch at most 4 x 4 tiles each while it
-/// fills, and 3 x 3 in most places; 48 KiB each.
+/// Decoded tiles that are kept: a window of 255 posts with its border touches 3 x 3 tiles on most of its 12 levels; and a
+/// square of 64 posts of level 11 that stands beyond the date line, where level 7 gives its posts, 9 x 9. 48 KiB each.
 pub const TILES_KEPT: usize = 128;
 
 /// Where tiles come from: a [`Pack`], or a stand-in for it in tests.
@@ -34,7 +34,8 @@ pub trait TileSource: Send + Sync + std::fmt::Debug + 'static {
     }
     /// Whether there is such a tile.
     fn contains(&self, key: TileKey) -> bool;
-    /// Height of the geoid above the ellipsoid at a point, metres; `None` where it is not known.
+    /// Height of the geoid above the ellipsoid at a point, metres, continuous over all of the Earth; `None` where it is not
+    /// known.
     fn undulation_m(&self, latitude: Radians, longitude: Radians) -> Option<f64>;
     /// Reads a tile without allocating.
     ///
@@ -58,7 +59,7 @@ impl TileSource for Pack {
     }
 
     fn undulation_m(&self, latitude: Radians, longitude: Radians) -> Option<f64> {
-        self.geoid().undulation_m(latitude, longitude)
+        Some(self.geoid().undulation_anywhere_m(latitude, longitude))
     }
 
     fn read_tile(
@@ -183,7 +184,7 @@ pub struct Sampler<'a, S> {
     coarse: Vec<Post>,
 }
 
-/// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66 or 18 x 257.
+/// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66, 18 x 257 or 10 x 449.
 const SCRATCH_POSTS: usize = 5000;
 
 impl<'a, S: TileSource> Sampler<'a, S> {

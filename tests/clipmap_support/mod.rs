@@ -8,6 +8,7 @@
     reason = "made-up land: numbers are small and what fails must say so"
 )]
 
+pub(crate) mod booth;
 #[path = "../support/mod.rs"]
 pub(crate) mod support;
 
