@@ -199,6 +199,12 @@ impl Scene {
         self.partition
     }
 
+    /// Where posts stand.
+    #[must_use]
+    pub const fn grid(&self) -> Grid {
+        self.grid
+    }
+
     /// How heights are coded.
     #[must_use]
     pub const fn heights(&self) -> HeightCode {
