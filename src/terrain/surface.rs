@@ -217,6 +217,11 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         }
     }
 
+    /// Goes over to the tiles of a partition.
+    pub const fn enter(&mut self, partition: Partition) {
+        self.partition = partition;
+    }
+
     /// Fills `heights` and `surface` with the texels of the posts at (`i`, `j`), `width` x `height`, row by row from the
     /// south-west one. Nothing larger than [`BATCH_TEXELS`] is asked.
     pub fn fill(
