@@ -138,7 +138,7 @@ impl Vision {
         if info.posts == info.void_posts {
             return Shown::off(Terrain::Empty);
         }
-        if !covers(&info.bounds, &camera.eye) {
+        if figures.partition.is_none() || !covers(&info.bounds, &camera.eye) {
             return Shown::off(Terrain::Outside);
         }
         if !self.scenery.has_ground(&figures) {

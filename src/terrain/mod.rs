@@ -8,6 +8,7 @@
 
 pub mod archive;
 pub mod bake;
+pub mod bake_cap;
 pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
@@ -26,6 +27,7 @@ pub mod pack;
 mod pack_format;
 pub mod partition;
 mod plan;
+pub mod planet;
 pub mod raster;
 pub mod scene;
 pub mod store;
@@ -36,5 +38,6 @@ pub mod synth_noise;
 mod synth_valley;
 pub mod tables;
 pub mod texel;
+pub mod truth;
 pub mod worker;
 pub mod world;

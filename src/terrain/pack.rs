@@ -245,12 +245,56 @@ impl TileReader {
     }
 }
 
+/// Tiles in a file, by their index: those of a pack, or those that a bake has written so far.
+#[derive(Debug)]
+pub(crate) struct Tiles {
+    file: File,
+    /// Sorted by key.
+    entries: Vec<Entry>,
+}
+
+impl Tiles {
+    pub(crate) const fn new(file: File, entries: Vec<Entry>) -> Self {
+        Self { file, entries }
+    }
+
+    pub(crate) fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    pub(crate) fn entry(&self, key: TileKey) -> Option<&Entry> {
+        let at = self.entries.binary_search_by_key(&key, |e| e.key).ok()?;
+        self.entries.get(at)
+    }
+
+    /// Reads a tile. Allocates nothing; blocks on the disk. On an error `tile` is unchanged.
+    pub(crate) fn read(
+        &self,
+        key: TileKey,
+        reader: &mut TileReader,
+        tile: &mut Tile,
+    ) -> Result<(), TileError> {
+        let entry = self.entry(key).ok_or(TileError::Absent)?;
+        // No entry is longer than the buffer: the encoder makes none, and opening a pack refuses others.
+        let stored = &mut reader.stored[..entry.length as usize];
+        self.file
+            .read_exact_at(stored, entry.offset)
+            .map_err(|e| match e.kind() {
+                io::ErrorKind::UnexpectedEof => TileError::CutShort,
+                _ => TileError::Io(e),
+            })?;
+        if CRC.checksum(stored) != entry.crc {
+            return Err(TileError::Checksum);
+        }
+        Ok(reader.decoder.decode(stored, tile)?)
+    }
+}
+
 /// An open pack: the file, and its index, geoid and sources in memory. Threads may share it.
 #[derive(Debug)]
 pub struct Pack {
-    file: File,
+    tiles: Tiles,
     info: PackInfo,
-    entries: Vec<Entry>,
     geoid: GeoidGrid,
     sources: Vec<SourceInfo>,
 }
@@ -290,9 +334,8 @@ impl Pack {
         let sources = section(sources, info.bytes, header.crcs[2], "list of sources")?;
         let sources = parse_sources(&sources).ok_or(PackError::Damaged("list of sources"))?;
         Ok(Self {
-            file,
+            tiles: Tiles::new(file, entries),
             info,
-            entries,
             geoid,
             sources,
         })
@@ -318,13 +361,13 @@ impl Pack {
 
     /// Every tile it has, in the order of the index: partition, level, row, column.
     pub fn keys(&self) -> impl Iterator<Item = TileKey> + '_ {
-        self.entries.iter().map(|e| e.key)
+        self.tiles.entries().iter().map(|e| e.key)
     }
 
     /// Whether it has a tile.
     #[must_use]
     pub fn contains(&self, key: TileKey) -> bool {
-        self.entry(key).is_some()
+        self.tiles.entry(key).is_some()
     }
 
     /// Whether a source covers the level-0 post at canonical column `i` and row `j`.
@@ -338,7 +381,7 @@ impl Pack {
     /// What the index says of a tile; `None` if the pack does not have it.
     #[must_use]
     pub fn tile_header(&self, key: TileKey) -> Option<TileHeader> {
-        let entry = self.entry(key)?;
+        let entry = self.tiles.entry(key)?;
         Some(TileHeader {
             min_m: self.orthometric_m(entry.min),
             max_m: self.orthometric_m(entry.max),
@@ -365,23 +408,6 @@ impl Pack {
         reader: &mut TileReader,
         tile: &mut Tile,
     ) -> Result<(), TileError> {
-        let entry = self.entry(key).ok_or(TileError::Absent)?;
-        // `open` has checked that no entry is longer than the buffer.
-        let stored = &mut reader.stored[..entry.length as usize];
-        self.file
-            .read_exact_at(stored, entry.offset)
-            .map_err(|e| match e.kind() {
-                io::ErrorKind::UnexpectedEof => TileError::CutShort,
-                _ => TileError::Io(e),
-            })?;
-        if CRC.checksum(stored) != entry.crc {
-            return Err(TileError::Checksum);
-        }
-        Ok(reader.decoder.decode(stored, tile)?)
-    }
-
-    fn entry(&self, key: TileKey) -> Option<&Entry> {
-        let at = self.entries.binary_search_by_key(&key, |e| e.key).ok()?;
-        self.entries.get(at)
+        self.tiles.read(key, reader, tile)
     }
 }
