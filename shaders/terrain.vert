@@ -29,6 +29,10 @@ out vec3 v_position;
 #ifdef RECORD
 out vec4 v_vertex;            // cell east and north, height above the anchor in m, blend
 #endif
+#ifdef GRID
+uniform vec3 lines_at;        // the window's origin among the lines, east and north; a cell; steps from line to line
+out vec2 v_lines;             // position among the lines: whole numbers are on one
+#endif
 
 invariant gl_Position;
 
@@ -74,5 +78,8 @@ void main() {
 #endif
 #ifdef RECORD
     v_vertex = vec4(at, rise, blend);
+#endif
+#ifdef GRID
+    v_lines = at * lines_at.z + lines_at.xy;
 #endif
 }

@@ -15,6 +15,7 @@ use glow::HasContext as _;
 
 use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
 use super::level_textures::LevelTextures;
+use super::look::{Look, LookUniforms, Variant, with_relief};
 use super::program::{Program, UniformLocation};
 use super::texture::{Filter, Format, Texture, Wrap};
 use super::{GlError, Gpu};
@@ -27,32 +28,10 @@ use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings}
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
-use crate::units::{Metres, Radians};
+use crate::units::Metres;
 
 /// Table textures in rotation: one being written, two that the GPU may still read.
 const TABLES: usize = 3;
-
-/// What the picture shows beside the ground itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Distance at which 63 % of the haze is reached, metres; infinite for none.
-    pub haze_m: f64,
-    /// Its colour: red, green, blue, 0 to 1.
-    pub haze: [f32; 3],
-}
-
-impl Look {
-    /// For flying: haze that leaves ridges 100 km away readable.
-    pub const FLIGHT: Self = Self {
-        haze_m: 90_000.0,
-        haze: super::sky::HAZE,
-    };
-    /// The ground alone.
-    pub const BARE: Self = Self {
-        haze_m: f64::INFINITY,
-        haze: super::sky::HAZE,
-    };
-}
 
 /// Why the renderer cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -87,7 +66,7 @@ pub struct TerrainRenderer {
 /// The programs of a kind of partition.
 #[derive(Debug)]
 struct Shaders {
-    colour: Shader,
+    colour: [Shader; Variant::ALL.len()],
     range: Shader,
 }
 
@@ -104,8 +83,8 @@ struct Shader {
     clip: [UniformLocation; 3],
     depth: UniformLocation,
     bulge: Option<UniformLocation>,
-    haze: Option<UniformLocation>,
-    lights: Option<[UniformLocation; 2]>,
+    lines: Option<UniformLocation>,
+    look: Option<LookUniforms>,
 }
 
 /// Texture units.
@@ -118,36 +97,38 @@ impl Shader {
     fn new(
         gpu: &Rc<Gpu>,
         name: &'static str,
-        is_colour: bool,
+        variant: Option<Variant>,
         is_cap: bool,
     ) -> Result<Self, GlError> {
-        Self::recording(gpu, name, is_colour, is_cap, &[])
+        Self::recording(gpu, name, variant, is_cap, &[])
     }
 
     /// With some of the vertex shader's outputs recorded.
     fn recording(
         gpu: &Rc<Gpu>,
         name: &'static str,
-        is_colour: bool,
+        variant: Option<Variant>,
         is_cap: bool,
         outputs: &[&str],
     ) -> Result<Self, GlError> {
-        let range = if is_colour { "" } else { "#define RANGE\n" };
+        let kind = variant.map_or("#define RANGE\n".to_owned(), Variant::defines);
         let cap = if is_cap { "#define CAP\n" } else { "" };
         let record = if outputs.is_empty() {
             ""
         } else {
             "#define RECORD\n"
         };
-        let defines = format!("{range}{cap}{record}");
-        let source = |text: &str| format!("{defines}#line 1\n{text}");
+        let defines = format!("{kind}{cap}{record}");
+        let vertex = include_str!("../../shaders/terrain.vert");
+        let fragment = include_str!("../../shaders/terrain.frag");
         let program = Program::recording(
             gpu,
             name,
-            &source(include_str!("../../shaders/terrain.vert")),
-            &source(include_str!("../../shaders/terrain.frag")),
+            &format!("{defines}#line 1\n{vertex}"),
+            &with_relief(&defines, fragment),
             outputs,
         )?;
+        let is_colour = variant.is_some();
         program.sampler("heights", HEIGHTS)?;
         program.sampler("tables", TABLE)?;
         if is_colour {
@@ -169,10 +150,13 @@ impl Shader {
             ],
             depth: program.uniform("depth")?,
             bulge: is_cap.then(|| program.uniform("bulge")).transpose()?,
-            haze: colour_only("haze")?,
-            lights: colour_only("key")?
-                .zip(colour_only("fill")?)
-                .map(Into::into),
+            lines: variant
+                .filter(|variant| variant.has_lines())
+                .map(|_| program.uniform("lines_at"))
+                .transpose()?,
+            look: variant
+                .map(|variant| LookUniforms::new(gpu, &program, variant))
+                .transpose()?,
             program,
         })
     }
@@ -180,9 +164,16 @@ impl Shader {
 
 impl Shaders {
     fn new(gpu: &Rc<Gpu>, is_cap: bool) -> Result<Self, GlError> {
+        let [plain, aware, lined, both] = Variant::ALL;
+        let colour = |variant| Shader::new(gpu, "terrain", Some(variant), is_cap);
         Ok(Self {
-            colour: Shader::new(gpu, "terrain", true, is_cap)?,
-            range: Shader::new(gpu, "terrain range", false, is_cap)?,
+            colour: [
+                colour(plain)?,
+                colour(aware)?,
+                colour(lined)?,
+                colour(both)?,
+            ],
+            range: Shader::new(gpu, "terrain range", None, is_cap)?,
         })
     }
 }
@@ -296,7 +287,7 @@ impl TerrainRenderer {
 
     /// Draws the planned frame into the bound target, whose depth must be clear.
     pub fn draw(&self, look: &Look) {
-        self.draw_with(|shaders| &shaders.colour, look);
+        self.draw_with(|shaders| &shaders.colour[look.variant().index()], look);
     }
 
     /// Draws the planned frame's distances from the eye instead of colours: each pixel's four bytes are those of an f32,
@@ -336,7 +327,7 @@ impl TerrainRenderer {
         textures.chain(copies).sum::<usize>() + of(&self.tables)
     }
 
-    fn draw_with(&self, shader_of: fn(&Shaders) -> &Shader, look: &Look) {
+    fn draw_with(&self, shader_of: impl Fn(&Shaders) -> &Shader, look: &Look) {
         let Some(at) = self.world.drawn_index() else {
             return;
         };
@@ -361,6 +352,10 @@ impl TerrainRenderer {
         }
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
+            if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
+                let place = lines.place(scene.grid(), level.level, level.window);
+                shader.program.set_f32(at, &place);
+            }
             let array = self.blocks_of(level);
             array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
         }
@@ -401,8 +396,6 @@ impl TerrainRenderer {
             1.0 / texels as f32,
             heights.base_m as f32,
         ];
-        let [r, g, b] = look.haze;
-        let haze = [r, g, b, (1.0 / look.haze_m) as f32];
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
         unsafe {
             gl.uniform_2_i32(Some(&shader.torus), signed(texels - 1), plan.anchor_code);
@@ -414,13 +407,9 @@ impl TerrainRenderer {
             if let Some(at) = &shader.bulge {
                 gl.uniform_4_f32_slice(Some(at), &plan.bulge);
             }
-            if let Some(at) = &shader.haze {
-                gl.uniform_4_f32_slice(Some(at), &haze);
-            }
-            if let Some([key, fill]) = &shader.lights {
-                gl.uniform_3_f32_slice(Some(key), &light(plan.heading, KEY_LIGHT_DEG));
-                gl.uniform_3_f32_slice(Some(fill), &light(plan.heading, FILL_LIGHT_DEG));
-            }
+        }
+        if let Some(uniforms) = &shader.look {
+            uniforms.set(look, plan.heading);
         }
     }
 
@@ -487,24 +476,6 @@ impl TerrainRenderer {
             gl.depth_range_f32(level.slice.0, level.slice.1);
         }
     }
-}
-
-/// Where the lights stand: degrees clockwise from the view's heading, and degrees above the horizon. Maps are lit from the
-/// upper left because relief then reads as relief; in a forward view that is from the left. A light that
-/// stood in the north-west would come from behind on a south-easterly heading and flatten everything. The weaker one tells
-/// slopes along the first apart.
-const KEY_LIGHT_DEG: (f64, f64) = (-88.0, 40.0);
-const FILL_LIGHT_DEG: (f64, f64) = (70.0, 25.0);
-
-/// The unit vector east, north, up towards a light.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "numbers for the shader, which is f32"
-)]
-fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64)) -> [f32; 3] {
-    let (sin, cos) = (heading.0 + azimuth_deg.to_radians()).sin_cos();
-    let (up, along) = elevation_deg.to_radians().sin_cos();
-    [(along * sin) as f32, (along * cos) as f32, up as f32]
 }
 
 /// Clear colour whose bytes are the f32 +infinity: no terrain.

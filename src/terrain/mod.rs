@@ -36,6 +36,7 @@ pub mod synth;
 pub mod synth_noise;
 mod synth_valley;
 pub mod tables;
+pub mod texel;
 pub mod truth;
 pub mod worker;
 pub mod world;

@@ -143,9 +143,9 @@ impl World {
 
     /// The partition to draw for an eye at a latitude, and the one that it wants.
     fn choose(&self, latitude_deg: f64) -> (Partition, Partition) {
-        let current = self.last.map(|(partition, _)| partition);
-        let wanted = Partition::at(latitude_deg, current);
-        let Some((current, before_deg)) = self.last else {
+        let last = self.last.filter(|last| self.index(last.0).is_some());
+        let wanted = Partition::at(latitude_deg, last.map(|last| last.0));
+        let Some((current, before_deg)) = last else {
             return (wanted, wanted);
         };
         let leapt = (latitude_deg - before_deg).abs() > LEAP_DEG;
@@ -154,7 +154,7 @@ impl World {
             Some(at) => self.scenes[at].figures().is_whole(),
             None => true,
         };
-        if leapt || beyond || self.index(current).is_none() || is_ready(wanted) {
+        if leapt || beyond || is_ready(wanted) {
             (wanted, wanted)
         } else {
             (current, wanted)

@@ -3,9 +3,10 @@
 use crate::app::error::{Failure, Kind};
 use crate::geo::{Attitude, Camera, Geodetic};
 use crate::gl::Gpu;
+use crate::gl::look::Look;
 use crate::gl::target::Target;
 use crate::gl::terrain::record::VertexRecorder;
-use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
+use crate::gl::terrain::{RANGE_CLEAR, TerrainRenderer};
 use crate::terrain::clipmap::Shape;
 use crate::terrain::partition::Partition;
 use crate::terrain::scene::{FrameFigures, Scene, Settings};

@@ -16,7 +16,7 @@ use crate::app::measure::accuracy::{Scene, measure_scene, scenes};
 use crate::app::measure::bench::{Bench, QUOTA};
 use crate::geo::Camera;
 use crate::gl::Gpu;
-use crate::gl::terrain::Look;
+use crate::gl::look::Look;
 use crate::heap::allocations_of_this_thread;
 use crate::terrain::clipmap::{Shape, TorusPart};
 use crate::terrain::planet::{Kind, Planet};

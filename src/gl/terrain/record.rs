@@ -45,7 +45,7 @@ impl VertexRecorder {
     /// [`GlError`].
     pub fn new(gpu: &Rc<Gpu>, shape: Shape) -> Result<Self, GlError> {
         let vertices = pattern_vertices(shape).len() * BLOCKS_MAX;
-        let shader = |is_cap| Shader::recording(gpu, "terrain record", false, is_cap, &OUTPUTS);
+        let shader = |is_cap| Shader::recording(gpu, "terrain record", None, is_cap, &OUTPUTS);
         Ok(Self {
             geographic: shader(false)?,
             cap: shader(true)?,
