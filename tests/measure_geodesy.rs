@@ -104,14 +104,27 @@ fn what_the_vertex_shader_puts_out_agrees_with_50_digits() {
         let [lat, lon, height_m] = site.eye_deg_deg_m;
         let mut found: HashMap<usize, f64> = HashMap::new();
         for heading in [0.0, 90.0, 180.0, 270.0] {
-            let view = camera((lat, lon, height_m), (heading, -20.0, 0.0), 120.0, (400, 400));
+            let view = camera(
+                (lat, lon, height_m),
+                (heading, -20.0, 0.0),
+                120.0,
+                (400, 400),
+            );
             bench.settle(&view).expect("settles");
             assert_eq!(bench.partition(), Some(site.partition()), "{}", site.name);
             let scene = bench.terrain.scene().expect("drawn");
-            let windows: Vec<_> = scene.plan().levels.iter().map(|l| (l.level, l.window)).collect();
+            let windows: Vec<_> = scene
+                .plan()
+                .levels
+                .iter()
+                .map(|l| (l.level, l.window))
+                .collect();
             let turn = scene.grid().posts_around();
             each_vertex(&mut bench, &mut |level, _, vertex| {
-                let (_, window) = windows.iter().find(|w| w.0 == level).expect("a drawn level");
+                let (_, window) = windows
+                    .iter()
+                    .find(|w| w.0 == level)
+                    .expect("a drawn level");
                 let [x, y] = vertex.cell.map(cells);
                 let at = ((window.i + x) << level, (window.j + y) << level);
                 for (k, post) in site.posts.iter().enumerate() {
