@@ -93,6 +93,7 @@ impl Cockpit {
         let settings = Settings {
             shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
             cell_pixels_min: CELL_PIXELS_MIN,
+            ..Settings::default()
         };
         let vision = pack
             .map(|pack| Vision::new(gpu, settings, pack))
