@@ -12,11 +12,14 @@ uniform ivec2 torus;          // texels less one; anchor's height code
 uniform vec4 morph;           // centre east and north, start, 1 / (end - start); cells from the origin
 uniform vec4 texels;          // own origin, coarser origin times two; texels
 uniform vec3 origin;          // anchor less eye, metres
-uniform vec4 scale;           // anchor's distance from the axis, m; m per code; 1 / texels; height of code 0, m
+uniform vec4 scale;           // of a column's first two, m; m per code; 1 / texels; height of code 0, m
 uniform vec3 clip_x;
 uniform vec3 clip_y;
 uniform vec3 clip_w;
 uniform vec2 depth;           // clip z = depth.x w + depth.y
+#ifdef CAP
+uniform vec4 bulge;           // see terrain::tables::Anchor::bulge
+#endif
 
 out vec4 v_texel;             // own surface, coarser surface
 out vec2 v_ground;            // height above the ellipsoid, m; blend into the coarser level, 0 to 1
@@ -46,8 +49,18 @@ void main() {
     // 0 and 1 give exactly one of the two.
     float rise = (float(codes.x) * (1.0 - blend) + float(codes.y) * blend) * scale.y;
 
+#ifdef CAP
+    // z and x of the sphere through the anchor; then what the radius of curvature has more than there, and the height.
+    vec2 across = scale.x * column.xy + row.x * column.zw;
+    vec3 up = vec3(row.z * column.w, row.w, row.z * column.z);
+    float x = bulge.x * across.x * (up.z + bulge.y);
+    float more = x * (1.0 + 0.75 * x) * bulge.z;
+    vec3 p = origin + vec3(across.y, row.y, bulge.w * across.x)
+        + vec2(more + rise, 0.9933056 * more + rise).xxy * up;
+#else
     vec3 p = origin + vec3(scale.x * column.xy + row.x * column.zw, row.y)
         + rise * vec3(row.z * column.zw, row.w);
+#endif
     float w = dot(clip_w, p);
     gl_Position = vec4(dot(clip_x, p), dot(clip_y, p), depth.x * w + depth.y, w);
 

@@ -7,6 +7,7 @@
 
 use crate::units::{Metres, Radians};
 use glam::{DMat3, DVec3};
+use std::ops::RangeInclusive;
 
 /// WGS 84 semi-major axis, metres (NIMA TR8350.2, third edition, table 3.1).
 pub const WGS84_A_M: f64 = 6_378_137.0;
@@ -163,6 +164,13 @@ pub struct Camera {
     pub height_px: u32,
 }
 
+/// Heights of an eye above the ellipsoid that a picture is drawn from, metres: from below the deepest sea floor (Challenger
+/// Deep, -10.9 km) to somewhat above 20 000 km.
+pub const EYE_HEIGHT_M: RangeInclusive<f64> = -12_000.0..=25_000_000.0;
+
+/// Longitudes and attitudes of a camera may have been wound up to this, radians: four turns.
+const TURNS_MAX: f64 = 4.0 * std::f64::consts::TAU;
+
 impl Camera {
     /// Focal length in pixels: `(width / 2) / tan(hfov / 2)`.
     #[must_use]
@@ -170,14 +178,18 @@ impl Camera {
         f64::from(self.width_px) / 2.0 / (self.hfov.0 / 2.0).tan()
     }
 
-    /// Whether a picture can be drawn from it: finite, a real latitude, a field of view between 1 and 170 degrees, a size.
+    /// Whether a picture can be drawn from it: finite, a real latitude, angles that are not more than a few turns, a height
+    /// within [`EYE_HEIGHT_M`], a field of view between 1 and 170 degrees, a size. What comes from a sensor has been held
+    /// against its own range before; this is the last gate before the arithmetic of the terrain.
     #[must_use]
     pub fn is_valid(&self) -> bool {
         let a = &self.attitude;
         self.eye.is_valid()
+            && self.eye.longitude.0.abs() <= TURNS_MAX
+            && EYE_HEIGHT_M.contains(&self.eye.height_ellipsoid.0)
             && [a.heading_true, a.pitch, a.roll]
                 .iter()
-                .all(|x| x.0.is_finite())
+                .all(|x| x.0.abs() <= TURNS_MAX)
             && (1.0..=170.0).contains(&self.hfov.to_degrees())
             && self.width_px > 0
             && self.height_px > 0
@@ -276,5 +288,48 @@ mod tests {
         camera.attitude = Attitude::from_degrees(90.0, 0.0, 30.0);
         // Right wing down: the picture's right edge looks down.
         assert!(camera.ray_ecef(1024.0, 300.0).x < 0.0, "right wing down");
+    }
+
+    #[test]
+    fn a_camera_that_is_not_a_number_or_nowhere_is_refused() {
+        let good = Camera {
+            eye: Geodetic::from_degrees(-32.6, -70.3, 4200.0),
+            attitude: Attitude::from_degrees(215.0, -4.0, 0.0),
+            hfov: Radians::from_degrees(60.0),
+            width_px: 1024,
+            height_px: 600,
+        };
+        assert!(good.is_valid());
+        type Change = fn(&mut Camera, f64);
+        let changes: [Change; 7] = [
+            |c, x| c.eye.latitude.0 = x,
+            |c, x| c.eye.longitude.0 = x,
+            |c, x| c.eye.height_ellipsoid.0 = x,
+            |c, x| c.attitude.heading_true.0 = x,
+            |c, x| c.attitude.pitch.0 = x,
+            |c, x| c.attitude.roll.0 = x,
+            |c, x| c.hfov.0 = x,
+        ];
+        for (at, change) in changes.iter().enumerate() {
+            for absurd in [
+                f64::NAN,
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+                f64::MAX,
+                -1e30,
+                1e9,
+            ] {
+                let mut camera = good;
+                change(&mut camera, absurd);
+                assert!(!camera.is_valid(), "input {at}: {absurd}");
+            }
+            let mut camera = good;
+            change(&mut camera, f64::MIN_POSITIVE / 2.0);
+            assert_eq!(
+                camera.is_valid(),
+                at != 6,
+                "input {at}: a denormal number is 0 but for a field of view"
+            );
+        }
     }
 }

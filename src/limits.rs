@@ -13,24 +13,12 @@ pub const SIGNALS_QUEUED_MAX: usize = 16_384;
 /// longest is 552.
 pub const DATAGRAM_BYTES_MAX: usize = 1472;
 
-/// Clipmap levels. With 3" posts at the finest level, level 7 has 6.4' posts; 255 of them span 27 degrees of latitude,
-/// 1500 km to each side; the horizon from 20 km is at 505 km.
-pub const LEVELS_MAX: usize = 10;
-
-/// Side of a height texture in texels: a power of two (toroidal addresses are masked), at least the vertices of a level.
-pub const LEVEL_TEXELS: usize = 256;
+/// Clipmap levels: 0 to 9 from 3" posts, 0 to 11 from 1". The coarsest have posts half a degree apart: 127 of them, the
+/// fewest a board may ask for, reach 1000 km east and west at 70 degrees of latitude; the horizon from 20 km is at 505 km.
+pub const LEVELS_MAX: usize = 12;
 
 /// Vertices along the side of a level at the finest board setting.
-pub const LEVEL_VERTICES_MAX: usize = 255;
+pub const LEVEL_VERTICES_MAX: usize = 447;
 
 /// Side of a terrain tile in a pack, in posts.
 pub const TILE_POSTS: usize = 128;
-
-const _: () = assert!(
-    LEVEL_VERTICES_MAX < LEVEL_TEXELS,
-    "a level must fit its torus with a spare column"
-);
-const _: () = assert!(
-    LEVEL_TEXELS.is_power_of_two(),
-    "toroidal addresses are masked"
-);

@@ -9,6 +9,7 @@ use glasswing::gl::target::Target;
 use glasswing::gl::terrain::{Look, TerrainRenderer};
 use glasswing::heap;
 use glasswing::terrain::clipmap::Shape;
+use glasswing::terrain::partition::Partition;
 use glasswing::terrain::scene::Settings;
 use glasswing::terrain::surface::{Batch, Damage, Sampler};
 use glasswing::terrain::tables::HeightCode;
@@ -55,7 +56,12 @@ fn filling_batches_allocates_nothing() {
     let land = Land::new(1200, mountains).broken(|key| key.column % 5 == 0);
     let damage = Damage::default();
     let shape = Shape::new(255).expect("a legal shape");
-    let mut sampler = Sampler::new(&land, HeightCode::covering(-500.0, 7000.0), &damage);
+    let mut sampler = Sampler::new(
+        &land,
+        Partition::Geographic,
+        HeightCode::covering(-500.0, 7000.0),
+        &damage,
+    );
     let mut parcel = Parcel {
         job: Job {
             level: 0,

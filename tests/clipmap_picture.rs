@@ -10,116 +10,12 @@
 
 mod clipmap_support;
 
+use clipmap_support::booth::{Booth, HEIGHT, WIDTH, camera, meets_earth, ray};
 use clipmap_support::support::is_emulated;
 use clipmap_support::{Dice, Land, cliffs, gpu, mountains, sea};
 use glam::DVec3;
-use glasswing::geo::{Attitude, Camera, Geodetic, WGS84_A_M, WGS84_B_M};
-use glasswing::gl::Gpu;
-use glasswing::gl::target::Target;
-use glasswing::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
-use glasswing::terrain::clipmap::Shape;
-use glasswing::terrain::scene::{FrameFigures, Settings};
-use glasswing::terrain::surface::TileSource;
-use glasswing::time::Monotonic;
-use glasswing::units::Radians;
-use std::rc::Rc;
+use glasswing::geo::{Camera, Geodetic};
 use std::sync::Arc;
-use std::time::Duration;
-
-const WIDTH: u32 = 160;
-const HEIGHT: u32 = 96;
-/// No terrain has this colour.
-const BACKGROUND: [u8; 4] = [255, 0, 255, 255];
-
-struct Booth {
-    gpu: Rc<Gpu>,
-    terrain: TerrainRenderer,
-    target: Target,
-    pixels: Vec<u8>,
-}
-
-impl Booth {
-    fn new<S: TileSource>(gpu: &Rc<Gpu>, vertices: u32, land: Arc<S>) -> Self {
-        let settings = Settings {
-            shape: Shape::new(vertices).expect("a legal shape"),
-            ..Settings::default()
-        };
-        Self {
-            gpu: Rc::clone(gpu),
-            terrain: TerrainRenderer::new(gpu, settings, land).expect("a renderer"),
-            target: Target::offscreen(gpu, WIDTH, HEIGHT, 0).expect("a target"),
-            pixels: vec![0; (WIDTH * HEIGHT * 4) as usize],
-        }
-    }
-
-    fn settle(&mut self, camera: &Camera) -> FrameFigures {
-        let begun = Monotonic::read();
-        loop {
-            let figures = self.terrain.prepare(camera, 65_536).expect("a camera");
-            if figures.settled {
-                return figures;
-            }
-            let waited = Monotonic::read().since(begun).unwrap_or_default();
-            assert!(waited < Duration::from_secs(120), "settles");
-            std::thread::park_timeout(Duration::from_millis(1));
-        }
-    }
-
-    /// Draws and returns the pixels in which there is a background although the ray meets the Earth.
-    fn holes(&mut self, camera: &Camera, lowest_m: f64) -> usize {
-        self.target.bind();
-        self.gpu.clear([1.0, 0.0, 1.0, 1.0]);
-        self.terrain.draw(&Look::BARE);
-        self.target.read_rgba(&mut self.pixels);
-        self.gpu.check("while drawing").expect("no GL error");
-        self.pixels
-            .chunks_exact(4)
-            .enumerate()
-            .filter(|&(at, p)| p == BACKGROUND && meets_earth(camera, at, lowest_m))
-            .count()
-    }
-
-    fn ranges(&mut self) -> Vec<f32> {
-        self.target.bind();
-        self.gpu.clear(RANGE_CLEAR);
-        self.terrain.draw_range();
-        self.target.read_rgba(&mut self.pixels);
-        self.pixels
-            .chunks_exact(4)
-            .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            .collect()
-    }
-}
-
-/// The direction through the centre of a pixel.
-fn ray(camera: &Camera, at: usize) -> DVec3 {
-    let width = camera.width_px as usize;
-    let (x, y) = ((at % width) as f64, (at / width) as f64);
-    camera.ray_ecef(x + 0.5, y + 0.5)
-}
-
-/// Whether the ray through a pixel meets an ellipsoid that lies `lowest_m` (negative) above WGS 84's.
-fn meets_earth(camera: &Camera, at: usize, lowest_m: f64) -> bool {
-    let axes = DVec3::new(
-        WGS84_A_M + lowest_m,
-        WGS84_A_M + lowest_m,
-        WGS84_B_M + lowest_m,
-    );
-    let (o, d) = (camera.eye.to_ecef() / axes, ray(camera, at) / axes);
-    let (a, b, c) = (d.dot(d), o.dot(d), o.dot(o) - 1.0);
-    let inside = b * b - a * c;
-    inside >= 0.0 && -b - inside.sqrt() > 0.0
-}
-
-fn camera(eye: Geodetic, attitude: (f64, f64, f64), hfov: f64) -> Camera {
-    Camera {
-        eye,
-        attitude: Attitude::from_degrees(attitude.0, attitude.1, attitude.2),
-        hfov: Radians::from_degrees(hfov),
-        width_px: WIDTH,
-        height_px: HEIGHT,
-    }
-}
 
 /// A pose near a point: low or high, any attitude, above the ground by enough to keep 0.2 m (where the picture begins) from
 /// its slopes.
@@ -350,5 +246,33 @@ fn the_sea_ends_where_the_ellipsoid_does() {
                 assert!(range.is_infinite(), "sea above the limb: {at} {camera:?}");
             }
         }
+    }
+}
+
+#[test]
+fn a_picture_does_not_depend_on_which_textures_were_written_when() {
+    let (gpu, _screen) = gpu(WIDTH, HEIGHT);
+    let land = || Arc::new(Land::new(1200, mountains));
+    let at = |k: u32| {
+        let k = f64::from(k);
+        let eye = Geodetic::from_degrees(46.0 + 0.002 * k, 8.0 - 0.003 * k, 6500.0);
+        camera(eye, (40.0 * k, -30.0, 3.0 * k), 60.0)
+    };
+    let picture = |booth: &mut Booth, k: u32| {
+        booth.settle(&at(k));
+        booth.holes(&at(k), LOWEST_M);
+        booth.pixels.clone()
+    };
+    // One has flown elsewhere before, drawing every frame.
+    let mut flown = Booth::new(&gpu, 127, land());
+    for k in 0..10 {
+        let mut camera = at(k);
+        camera.eye.longitude.0 += 0.5;
+        flown.settle(&camera);
+        flown.holes(&camera, LOWEST_M);
+    }
+    let mut fresh = Booth::new(&gpu, 127, land());
+    for k in 0..if is_emulated() { 3 } else { 12 } {
+        assert_eq!(picture(&mut flown, k), picture(&mut fresh, k), "step {k}");
     }
 }

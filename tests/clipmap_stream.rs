@@ -9,6 +9,7 @@ mod clipmap_support;
 use clipmap_support::{Dice, Land, mountains, sea};
 use glasswing::geo::{Attitude, Camera, Geodetic};
 use glasswing::terrain::clipmap::{Shape, TorusPart, torus_texel};
+use glasswing::terrain::partition::Partition;
 use glasswing::terrain::scene::{Scene, Settings};
 use glasswing::terrain::stream::{NoTerrain, Sink};
 use glasswing::terrain::surface::{Damage, Sampler, TileSource};
@@ -108,9 +109,10 @@ fn settle(scene: &mut Scene, record: &mut Record, camera: &Camera) {
 fn windows_are_whole_after_every_frame_and_the_quota_is_never_passed() {
     let land = Arc::new(Land::new(1200, mountains));
     let damage = Damage::default();
-    let mut scene = Scene::new(Arc::clone(&land), settings()).expect("a thread");
+    let mut scene =
+        Scene::new(Arc::clone(&land), Partition::Geographic, settings()).expect("a thread");
     let heights = scene.heights();
-    let mut sampler = Sampler::new(&*land, heights, &damage);
+    let mut sampler = Sampler::new(&*land, Partition::Geographic, heights, &damage);
     let mut record = Record::new(scene.levels());
     let mut dice = Dice(1);
     for (lat, lon) in [(10.0, 179.99), (-47.0, 12.0), (55.0, -100.0)] {
@@ -146,7 +148,12 @@ fn windows_are_whole_after_every_frame_and_the_quota_is_never_passed() {
 
 #[test]
 fn crossing_the_date_line_refills_nothing() {
-    let mut scene = Scene::new(Arc::new(Land::new(1200, mountains)), settings()).expect("a thread");
+    let mut scene = Scene::new(
+        Arc::new(Land::new(1200, mountains)),
+        Partition::Geographic,
+        settings(),
+    )
+    .expect("a thread");
     let mut record = Record::new(scene.levels());
     settle(&mut scene, &mut record, &camera(-19.5, 179.9999, 3000.0));
     record.texels = 0;
@@ -157,7 +164,12 @@ fn crossing_the_date_line_refills_nothing() {
 
 #[test]
 fn a_starved_streamer_keeps_what_still_fits_and_drops_what_the_eye_left() {
-    let mut scene = Scene::new(Arc::new(Land::new(1200, sea)), settings()).expect("a thread");
+    let mut scene = Scene::new(
+        Arc::new(Land::new(1200, sea)),
+        Partition::Geographic,
+        settings(),
+    )
+    .expect("a thread");
     let mut record = Record::new(scene.levels());
     settle(&mut scene, &mut record, &camera(10.0, 10.0, 3000.0));
     let all = scene.plan().levels.len();
@@ -176,7 +188,12 @@ fn a_starved_streamer_keeps_what_still_fits_and_drops_what_the_eye_left() {
 
 #[test]
 fn a_camera_of_no_numbers_is_refused_and_changes_nothing() {
-    let mut scene = Scene::new(Arc::new(Land::new(1200, sea)), settings()).expect("a thread");
+    let mut scene = Scene::new(
+        Arc::new(Land::new(1200, sea)),
+        Partition::Geographic,
+        settings(),
+    )
+    .expect("a thread");
     let mut record = Record::new(scene.levels());
     settle(&mut scene, &mut record, &camera(10.0, 10.0, 3000.0));
     let before = scene.plan().blocks.len();
@@ -197,7 +214,12 @@ fn a_camera_of_no_numbers_is_refused_and_changes_nothing() {
 
 #[test]
 fn poles_and_extremes_give_finite_numbers() {
-    let mut scene = Scene::new(Arc::new(Land::new(1200, mountains)), settings()).expect("a thread");
+    let mut scene = Scene::new(
+        Arc::new(Land::new(1200, mountains)),
+        Partition::Geographic,
+        settings(),
+    )
+    .expect("a thread");
     let mut record = Record::new(scene.levels());
     for (lat, lon, height) in [
         (90.0, 0.0, 5000.0),
@@ -226,7 +248,8 @@ fn poles_and_extremes_give_finite_numbers() {
 #[test]
 fn the_ground_is_as_high_as_the_triangles_and_missing_ground_has_no_height() {
     let land = Arc::new(Land::new(1200, mountains));
-    let mut scene = Scene::new(Arc::clone(&land), settings()).expect("a thread");
+    let mut scene =
+        Scene::new(Arc::clone(&land), Partition::Geographic, settings()).expect("a thread");
     let mut record = Record::new(scene.levels());
     let camera = camera(46.0, 8.0, 5000.0);
     assert_eq!(scene.ground(&camera.eye), Err(NoTerrain::NotResident));
@@ -251,7 +274,8 @@ fn the_ground_is_as_high_as_the_triangles_and_missing_ground_has_no_height() {
     assert!((found - mean).abs() <= 0.125 + 1e-9, "{found} {mean}");
 
     let broken = Land::new(1200, mountains).broken(|key| key.level == 0);
-    let mut scene = Scene::new(Arc::new(broken), settings()).expect("a thread");
+    let mut scene =
+        Scene::new(Arc::new(broken), Partition::Geographic, settings()).expect("a thread");
     let mut record = Record::new(scene.levels());
     settle(&mut scene, &mut record, &camera);
     assert_eq!(
@@ -268,7 +292,7 @@ fn levels_agree_on_shared_posts_whatever_is_damaged() {
         .broken(|key| (key.column + key.row + i32::from(key.level)) % 3 == 0);
     let damage = Damage::default();
     let heights = glasswing::terrain::tables::HeightCode::covering(-500.0, 7000.0);
-    let mut sampler = Sampler::new(&land, heights, &damage);
+    let mut sampler = Sampler::new(&land, Partition::Geographic, heights, &damage);
     let (w, h) = (60, 60);
     let (mut fine, mut coarse) = (vec![[0; 2]; w * h], vec![[0; 2]; w * h]);
     let mut surface = vec![[0; 4]; w * h];

@@ -12,6 +12,7 @@ mod support;
 
 use glasswing::geo::{Attitude, Camera, Geodetic};
 use glasswing::terrain::pack::Pack;
+use glasswing::terrain::partition::Partition;
 use glasswing::terrain::surface::{Damage, Sampler};
 use glasswing::terrain::tables::HeightCode;
 use glasswing::units::Radians;
@@ -31,7 +32,7 @@ impl Truth {
         let info = pack.info();
         let heights = HeightCode::covering(info.height_min_m, info.height_max_m);
         let damage = Damage::default();
-        let mut sampler = Sampler::new(pack, heights, &damage);
+        let mut sampler = Sampler::new(pack, Partition::Geographic, heights, &damage);
         let (west, south) = (west_deg * 1200, south_deg * 1200);
         let mut posts = Vec::new();
         let (mut codes, mut surface) = ([[0; 2]; SIDE], [[0; 4]; SIDE]);

@@ -354,7 +354,7 @@ fn info_says_what_is_in_a_pack() {
     let info = json(&["info", text(&out), "--json"]);
     assert_eq!(info["posts"], 1201 * 1201);
     assert_eq!(info["posts_per_degree"], 1200);
-    assert_eq!(info["levels"].as_array().map(Vec::len), Some(8));
+    assert_eq!(info["levels"].as_array().map(Vec::len), Some(10));
     assert_eq!(info["bounds"]["south"], -33.0);
     assert_eq!(info["bounds"]["east"], -70.0);
     assert_eq!(info["max_error_m"], 0.0);
@@ -395,6 +395,8 @@ fn packs_that_are_none_are_named_with_what_to_do() {
     let bad = out.with_file_name("bad.pack");
     let mut newer = bytes.clone();
     newer[8] = 9;
+    let mut older = bytes.clone();
+    older[8] = 1;
     let mut header = bytes.clone();
     header[70] ^= 1;
     let mut index = bytes.clone();
@@ -404,10 +406,11 @@ fn packs_that_are_none_are_named_with_what_to_do() {
         (
             newer,
             &[
-                "written by a newer glasswing (format 9; this one reads up to 1)",
+                "written by a newer glasswing (format 9; this one reads up to 2)",
                 "update",
             ][..],
         ),
+        (older, &["has format 1", "bake it again from its sources"]),
         (
             bytes[..bytes.len() - 1].to_vec(),
             &["cut short", "copy it again"],

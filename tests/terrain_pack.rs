@@ -15,6 +15,7 @@ use glasswing::terrain::grid::{Grid, TILE_AREA, TileKey};
 use glasswing::terrain::pack::{
     FORMAT, Pack, PackError, PostRect, SourceInfo, TileError, TileReader,
 };
+use glasswing::terrain::partition::Partition;
 use glasswing::terrain::store::{EncodedTile, PackWriter, Scale, Statistics};
 use proptest::prelude::*;
 
@@ -34,7 +35,7 @@ const RECT: PostRect = PostRect {
     east: 100,
 };
 
-/// Tiles around 0N 0E: one plain, one with every kind, one on a coarse level.
+/// Tiles around 0N 0E and the south pole: one rough, one with every kind, one on a coarse level.
 fn tiles() -> Vec<(TileKey, Tile)> {
     let mut rough = Tile::filled(0, SurfaceKind::Land);
     let mut mixed = Tile::filled(2000, SurfaceKind::Land);
@@ -43,11 +44,19 @@ fn tiles() -> Vec<(TileKey, Tile)> {
         mixed.kind[at] = SurfaceKind::from_byte(u8::try_from(at % 3).expect("0 to 2"))
             .expect("0 to 2 are kinds");
     }
-    let key = |level, column, row| TileKey { level, column, row };
+    let key = |partition, level, column, row| TileKey {
+        partition,
+        level,
+        column,
+        row,
+    };
     vec![
-        (key(0, 0, 0), rough),
-        (key(0, -1, -1), mixed),
-        (key(7, -1, 0), Tile::filled(65_535, SurfaceKind::Water)),
+        (key(Partition::South, 0, 0, 0), rough),
+        (key(Partition::Geographic, 0, -1, -1), mixed),
+        (
+            key(Partition::Geographic, 7, -1, 0),
+            Tile::filled(65_535, SurfaceKind::Water),
+        ),
     ]
 }
 
@@ -97,8 +106,10 @@ fn a_pack_comes_back_as_it_was_written() {
     let (path, bytes) = sound("pack_comes_back");
     let pack = Pack::open(&path).expect("sound");
     let info = pack.info();
-    assert_eq!((info.version, info.grid, info.levels), (FORMAT, GRID, 8));
+    assert_eq!((info.version, info.grid, info.levels), (FORMAT, GRID, 10));
     assert_eq!((info.tiles, info.bytes), (3, bytes.len() as u64));
+    assert!(info.has(Partition::Geographic) && info.has(Partition::South));
+    assert!(!info.has(Partition::North), "known from the index");
     assert_eq!(
         (info.posts, info.void_posts, info.water_posts),
         (121 * 211, 7, 8)
@@ -127,6 +138,7 @@ fn a_tile_that_is_not_there_is_absent() {
     let (path, _) = sound("pack_absent");
     let pack = Pack::open(&path).expect("sound");
     let absent = TileKey {
+        partition: Partition::Geographic,
         level: 3,
         column: 5,
         row: 5,

@@ -8,12 +8,11 @@ use crate::app::error::{Failure, Kind};
 use crate::app::fly;
 use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::Size;
+use crate::app::vision::{Shown, Vision, VisionError};
 use crate::bus::input::Action;
 use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
 use crate::geo::{Camera, Geodetic};
-use crate::gl::sky::SkyRenderer;
 use crate::gl::target::Target;
-use crate::gl::terrain::{Look, TerrainError, TerrainRenderer};
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
 use crate::state::FlightState;
@@ -21,10 +20,9 @@ use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
 use crate::terrain::scene::Settings;
 use crate::time::Monotonic;
-use crate::units::{HECTOPASCALS_PER_INCH_OF_MERCURY, Hectopascals, Metres};
+use crate::units::{HECTOPASCALS_PER_INCH_OF_MERCURY, Hectopascals};
 use std::path::Path;
 use std::rc::Rc;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// A level whose cells are all smaller than this many pixels is not drawn: it would cost triangles that nobody can see.
@@ -60,19 +58,12 @@ pub struct Cockpit {
     target: Target,
     window: Option<Target>,
     instruments: Instruments,
-    sky: SkyRenderer,
-    terrain: Option<Ground>,
+    vision: Option<Vision>,
     config: Config,
     quota_texels: usize,
     /// The pilot's settings.
     pub ui: Ui,
     gpu: Rc<Gpu>,
-}
-
-#[derive(Debug)]
-struct Ground {
-    renderer: TerrainRenderer,
-    pack: Arc<Pack>,
 }
 
 impl Cockpit {
@@ -97,24 +88,19 @@ impl Cockpit {
         size: Size,
         headless: bool,
     ) -> Result<Self, MakeError> {
-        let terrain = pack
-            .map(|pack| {
-                let pack = Arc::new(pack);
-                let settings = Settings {
-                    shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
-                    cell_pixels_min: CELL_PIXELS_MIN,
-                };
-                let renderer = TerrainRenderer::new(gpu, settings, Arc::clone(&pack))?;
-                Ok::<_, MakeError>(Ground { renderer, pack })
-            })
+        let settings = Settings {
+            shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
+            cell_pixels_min: CELL_PIXELS_MIN,
+        };
+        let vision = pack
+            .map(|pack| Vision::new(gpu, settings, pack))
             .transpose()?;
         Ok(Self {
             size,
             target: Target::offscreen(gpu, size.width_px, size.height_px, board.screen.samples)?,
             window: (!headless).then(|| Target::window(gpu, size.width_px, size.height_px)),
             instruments: Instruments::new(gpu, size)?,
-            sky: SkyRenderer::new(gpu)?,
-            terrain,
+            vision,
             config: config(board),
             quota_texels: board.terrain.upload_texels_per_frame as usize,
             ui: Ui::default(),
@@ -132,22 +118,18 @@ impl Cockpit {
     pub fn draw(&mut self, state: &FlightState, now: Monotonic) -> Drawn {
         let started = Monotonic::read();
         let mut drawn = Drawn::default();
-        // Terrain can only load where a camera asks for it: ask as if it were there, then say what there is.
-        self.ui.terrain = if self.terrain.is_some() {
-            Terrain::Ready
-        } else {
-            Terrain::NoPack
-        };
-        let mut model = Model::build(state, &self.ui, &self.config, now);
-        let camera = self.camera(&model);
+        let (mut model, camera) = self.view(state, now);
         let mut own = Monotonic::read().since(started).unwrap_or_default();
 
         self.target.bind();
         self.gpu.clear([0.0, 0.0, 0.0, 1.0]);
-        if let (Some(camera), Some(ground)) = (camera, &mut self.terrain) {
-            self.ui.terrain =
-                show_terrain(ground, &self.sky, &camera, self.quota_texels, &mut drawn);
-            if self.ui.terrain != Terrain::Ready {
+        if model.svs.is_ok() {
+            let shown = match (camera, &mut self.vision) {
+                (Some(camera), Some(vision)) => vision.show(&camera, self.quota_texels, &mut drawn),
+                _ => Shown::off(Terrain::NoCamera),
+            };
+            (self.ui.terrain, self.ui.terrain_caution) = (shown.terrain, shown.caution);
+            if shown != Shown::WELL {
                 model = Model::build(state, &self.ui, &self.config, now);
             }
         }
@@ -170,32 +152,35 @@ impl Cockpit {
     /// Streams terrain for what `state` says at `now`, without drawing. Returns whether every wanted level is there; true
     /// too where there is nothing to wait for.
     pub fn stream(&mut self, state: &FlightState, now: Monotonic) -> bool {
-        self.ui.terrain = if self.terrain.is_some() {
+        let (_, camera) = self.view(state, now);
+        match (camera, &mut self.vision) {
+            (Some(camera), Some(vision)) => vision.stream(&camera, self.quota_texels),
+            _ => true,
+        }
+    }
+
+    /// The model as if terrain were there, and its camera: terrain can only load where a camera asks for it. What there
+    /// really is, is said once it has been drawn.
+    fn view(&mut self, state: &FlightState, now: Monotonic) -> (Model, Option<Camera>) {
+        self.ui.terrain = if self.vision.is_some() {
             Terrain::Ready
         } else {
             Terrain::NoPack
         };
+        self.ui.terrain_caution = None;
         let model = Model::build(state, &self.ui, &self.config, now);
-        let camera = self.camera(&model);
-        match (camera, &mut self.terrain) {
-            (Some(camera), Some(ground)) => {
-                let figures = ground.renderer.prepare(&camera, self.quota_texels);
-                figures.is_ok_and(|figures| figures.settled)
-            }
-            _ => true,
-        }
+        (model, self.camera(&model))
     }
 
     /// The camera of synthetic vision, if everything that it needs may be shown.
     fn camera(&self, model: &Model) -> Option<Camera> {
         let inputs = model.svs.ok()?;
-        let ground = self.terrain.as_ref()?;
+        let vision = self.vision.as_ref()?;
         let (latitude, longitude) = (inputs.latitude, inputs.longitude);
         let height_ellipsoid = match inputs.height {
             CameraHeight::Ellipsoid(height) => height,
-            // Outside the geoid of the pack there is no terrain either.
             CameraHeight::MeanSeaLevel(altitude) => {
-                altitude + Metres(ground.pack.geoid().undulation_m(latitude, longitude)?)
+                altitude + vision.undulation(latitude, longitude)?
             }
         };
         let camera = Camera {
@@ -237,42 +222,6 @@ impl Cockpit {
     }
 }
 
-/// Draws terrain and sky, and says what the display is to say of it.
-fn show_terrain(
-    ground: &mut Ground,
-    sky: &SkyRenderer,
-    camera: &Camera,
-    quota_texels: usize,
-    drawn: &mut Drawn,
-) -> Terrain {
-    let Ok(figures) = ground.renderer.frame(camera, quota_texels, &Look::FLIGHT) else {
-        return Terrain::Loading;
-    };
-    drawn.triangles = figures.triangles as u64;
-    drawn.draw_calls += u32::try_from(figures.draw_calls).unwrap_or(u32::MAX);
-    drawn.upload_bytes = figures.uploads_bytes as u64;
-    drawn.upload_texels = figures.uploads_texels as u64;
-    drawn.resident_bytes = figures.resident_bytes as u64;
-    drawn.terrain_settled = figures.settled;
-    if figures.levels.is_none() {
-        return Terrain::Loading;
-    }
-    let bounds = ground.pack.info().bounds;
-    let (lat, lon) = (
-        camera.eye.latitude.to_degrees(),
-        camera.eye.longitude.to_degrees(),
-    );
-    if !(bounds.south_deg..=bounds.north_deg).contains(&lat)
-        || !(bounds.west_deg..=bounds.east_deg).contains(&lon)
-    {
-        return Terrain::Outside;
-    }
-    sky.draw(camera);
-    drawn.draw_calls += 1;
-    drawn.terrain_shown = true;
-    Terrain::Ready
-}
-
 fn config(board: &Board) -> Config {
     let marks = &board.airspeeds;
     Config {
@@ -296,7 +245,7 @@ enum MakeError {
     #[error(transparent)]
     Gl(#[from] GlError),
     #[error(transparent)]
-    Terrain(#[from] TerrainError),
+    Vision(#[from] VisionError),
     #[error(transparent)]
     Instruments(#[from] InstrumentsError),
     #[error("no level has that many vertices")]

@@ -21,6 +21,8 @@ pub mod run;
 pub mod shot;
 pub mod sources;
 pub mod terrain;
+pub mod terrain_info;
+pub mod vision;
 
 pub use cli::main;
 pub use error::{Failure, Kind};

@@ -7,7 +7,7 @@ use crate::app::error::{Failure, Kind};
 use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::{Effort, Size, write_png};
 use crate::display::{Config, Model, Terrain, Ui};
-use crate::geo::{Attitude, Camera, Geodetic};
+use crate::geo::{Attitude, Camera, EYE_HEIGHT_M, Geodetic};
 use crate::gl::sky::SkyRenderer;
 use crate::gl::target::Target;
 use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainError, TerrainRenderer};
@@ -168,10 +168,10 @@ fn camera(args: &ShotArgs) -> Result<Camera, Failure> {
             "give LAT,LON,HEIGHT with LAT from -90 to 90",
         );
     }
-    if !(-12_000.0..=1.0e6).contains(&height) {
+    if !EYE_HEIGHT_M.contains(&height) {
         return wrong(
             "--eye",
-            "the height is below the sea floor or above 1000 km",
+            "the height is below the sea floor or above 25 000 km",
             "give metres above the ellipsoid",
         );
     }

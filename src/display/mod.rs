@@ -14,4 +14,4 @@ pub use model::{
     Airspeed, AirspeedKind, Altitude, AltitudeKind, BaroBox, CameraHeight, CameraInputs, Heading,
     Model, North, PitchRoll, Slip, SvsOff,
 };
-pub use ui::{BaroSetting, BaroUnit, Config, Terrain, Ui, VSpeeds};
+pub use ui::{BaroSetting, BaroUnit, Config, Terrain, TerrainCaution, Ui, VSpeeds};

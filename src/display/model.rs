@@ -2,7 +2,7 @@
 
 use super::atmosphere::indicated_altitude;
 use super::format;
-use super::ui::{BaroSetting, BaroUnit, Config, Terrain, Ui, VSpeeds};
+use super::ui::{BaroSetting, BaroUnit, Config, Terrain, TerrainCaution, Ui, VSpeeds};
 use crate::geo::Attitude;
 use crate::sampled::Invalid;
 use crate::signal::Parameter as P;
@@ -150,6 +150,8 @@ impl SvsOff {
             Self::Height(_) => "NO HEIGHT",
             Self::Terrain(Terrain::Loading) => "LOADING",
             Self::Terrain(Terrain::Outside) => "OUTSIDE DATA",
+            Self::Terrain(Terrain::Empty) => "EMPTY PACK",
+            Self::Terrain(Terrain::NoCamera) => "BAD POSITION",
             Self::Terrain(Terrain::NoPack | Terrain::Ready) => "NO TERRAIN",
         }
     }
@@ -178,6 +180,8 @@ pub struct Model {
     pub track: Result<Degrees, Invalid>,
     /// The camera of synthetic vision, or why the plain horizon is shown instead.
     pub svs: Result<CameraInputs, SvsOff>,
+    /// What is to be said of the terrain, where it is shown.
+    pub svs_caution: Option<TerrainCaution>,
     /// Limiting speeds.
     pub v_speeds: VSpeeds,
     /// The unit of barometric settings.
@@ -192,6 +196,7 @@ impl Model {
     pub fn build(state: &FlightState, ui: &Ui, config: &Config, now: Monotonic) -> Self {
         let attitude = attitude(state, now);
         let altitude = altitude(state, ui, now);
+        let svs = svs(attitude, state, ui, now);
         Self {
             attitude,
             slip: state.read(P::LateralAcceleration, now).map(|g| Slip {
@@ -206,7 +211,8 @@ impl Model {
                 .map(format::feet_per_minute),
             ground_speed: state.speed(P::GroundSpeed, now).map(format::knots),
             track: state.angle(P::Track, now).map(format::direction),
-            svs: svs(attitude, state, ui, now),
+            svs,
+            svs_caution: ui.terrain_caution.filter(|_| svs.is_ok()),
             v_speeds: config.v_speeds,
             baro_unit: config.baro_unit,
             hfov: config.hfov,
@@ -556,6 +562,8 @@ mod tests {
             (Terrain::NoPack, "NO TERRAIN"),
             (Terrain::Loading, "LOADING"),
             (Terrain::Outside, "OUTSIDE DATA"),
+            (Terrain::Empty, "EMPTY PACK"),
+            (Terrain::NoCamera, "BAD POSITION"),
         ] {
             let ui = Ui {
                 terrain,
@@ -566,6 +574,20 @@ mod tests {
                 Some(label)
             );
         }
+    }
+
+    #[test]
+    fn a_caution_of_the_terrain_goes_with_terrain_that_is_shown() {
+        let ui = Ui {
+            terrain_caution: Some(TerrainCaution::BelowGround),
+            ..ready()
+        };
+        assert_eq!(
+            build(&with(FLYING), &ui).svs_caution,
+            Some(TerrainCaution::BelowGround)
+        );
+        let blind = build(&with(&[(P::Pitch, 0.05), (P::Roll, -0.1)]), &ui);
+        assert_eq!(blind.svs_caution, None, "terrain is off: {:?}", blind.svs);
     }
 
     #[test]

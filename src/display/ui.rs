@@ -50,6 +50,36 @@ pub enum Terrain {
     Ready,
     /// The aircraft is outside what the pack covers.
     Outside,
+    /// The pack holds no measured post.
+    Empty,
+    /// No picture can be drawn from where the eye is said to be.
+    NoCamera,
+}
+
+/// What the pilot must know of terrain that is shown: the gravest of what is true.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TerrainCaution {
+    /// The eye is below the ground that is drawn: position, height or terrain is wrong.
+    BelowGround,
+    /// Nothing was measured under the aircraft.
+    NoDataBelow,
+    /// The fine levels around the aircraft are not there yet: nearby ground is drawn coarsely.
+    Coarse,
+    /// Parts of the pack cannot be read and are drawn from coarser data.
+    Damaged,
+}
+
+impl TerrainCaution {
+    /// What the annunciation says.
+    #[must_use]
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::BelowGround => "BELOW GROUND",
+            Self::NoDataBelow => "NO DATA HERE",
+            Self::Coarse => "COARSE",
+            Self::Damaged => "DAMAGED",
+        }
+    }
 }
 
 /// The state of the pilot's controls.
@@ -61,6 +91,8 @@ pub struct Ui {
     pub baro_standard: bool,
     /// What the terrain engine has to offer.
     pub terrain: Terrain,
+    /// What is to be said of terrain that is shown.
+    pub terrain_caution: Option<TerrainCaution>,
 }
 
 impl Default for Ui {
@@ -70,6 +102,7 @@ impl Default for Ui {
             baro: BaroSetting::STANDARD,
             baro_standard: false,
             terrain: Terrain::NoPack,
+            terrain_caution: None,
         }
     }
 }

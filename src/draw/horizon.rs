@@ -254,27 +254,23 @@ fn draw_aircraft(pen: &mut Pen<'_>) {
     }
 }
 
-/// Says why there is no terrain.
+/// Says why there is no terrain, or what is wrong with it.
 pub(super) fn draw_annunciation(pen: &mut Pen<'_>, model: &Model) {
-    let Err(off) = model.svs else {
-        return;
-    };
-    // Nothing was lost where there never was any terrain: that is no caution.
-    let ink = match off {
-        SvsOff::Terrain(Terrain::NoPack | Terrain::Loading) => colour::LABEL,
-        _ => colour::CAUTION,
+    let (title, label, ink) = match (model.svs, model.svs_caution) {
+        (Ok(_), None) => return,
+        (Ok(_), Some(caution)) => ("TERRAIN", caution.label(), colour::CAUTION),
+        // Nothing was lost where there never was any terrain: that is no caution.
+        (Err(off @ SvsOff::Terrain(Terrain::NoPack | Terrain::Loading)), _) => {
+            ("SVS OFF", off.label(), colour::LABEL)
+        }
+        (Err(off), _) => ("SVS OFF", off.label(), colour::CAUTION),
     };
     let rect = pen.layout.annunciation;
     pen.field(rect);
     let centre = rect.centre();
     let step = Vec2::Y * pen.px(10.0);
-    pen.text("SVS OFF", centre - step, Align::Centre, bold(10.5, ink));
-    pen.text(
-        off.label(),
-        centre + step,
-        Align::Centre,
-        regular(10.5, ink),
-    );
+    pen.text(title, centre - step, Align::Centre, bold(10.5, ink));
+    pen.text(label, centre + step, Align::Centre, regular(10.5, ink));
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use super::atlas::Atlas;
 use super::list::{Rect, Vertex};
 use super::{DrawList, Layout, draw};
-use crate::display::{BaroSetting, BaroUnit, Config, Model, Terrain, Ui, VSpeeds};
+use crate::display::{BaroSetting, BaroUnit, Config, Model, Terrain, TerrainCaution, Ui, VSpeeds};
 use crate::sampled::{Invalid, Sampled};
 use crate::signal::{Parameter as P, SourceId};
 use crate::state::FlightState;
@@ -217,22 +217,28 @@ fn terrain_is_left_visible_only_when_the_camera_has_everything() {
             && v[2].position[0] >= 1024.0
             && v[2].position[1] >= 600.0
     };
-    let mut covered = |state: &FlightState| {
-        let model = Model::build(state, &ui, &Config::default(), NOW);
+    let mut covered = |state: &FlightState, ui: &Ui| {
+        let model = Model::build(state, ui, &Config::default(), NOW);
         draw(&model, &layout, &ATLAS, &mut list);
         (
             list.vertices().chunks_exact(4).any(covers),
             list.characters().collect::<String>(),
         )
     };
-    let (hidden, words) = covered(&state);
+    let (hidden, words) = covered(&state, &ui);
     assert!(!hidden && !words.contains("SVS"), "{words}");
+    let cautioned = Ui {
+        terrain_caution: Some(TerrainCaution::NoDataBelow),
+        ..ui
+    };
+    let (hidden, words) = covered(&state, &cautioned);
+    assert!(!hidden && words.contains("TERRAINNODATAHERE"), "{words}");
     state.set(
         P::Longitude,
         Sampled::fault(Invalid::Stale, NOW),
         SourceId(0),
     );
-    let (hidden, words) = covered(&state);
+    let (hidden, words) = covered(&state, &ui);
     assert!(hidden && words.contains("SVSOFFNOPOSITION"), "{words}");
 }
 
@@ -280,6 +286,7 @@ proptest! {
             baro: BaroSetting::new(crate::units::Hectopascals(baro)).unwrap_or(BaroSetting::STANDARD),
             baro_standard: standard,
             terrain: if terrain { Terrain::Ready } else { Terrain::Outside },
+            terrain_caution: standard.then_some(TerrainCaution::NoDataBelow),
         };
         let speeds = [40.0, 48.0, 85.0, 129.0, 163.0].map(|kt| Some(Knots(kt)));
         let [vs0, vs1, vfe, vno, vne] = speeds;

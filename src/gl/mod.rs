@@ -17,6 +17,7 @@
 
 pub mod buffer;
 pub mod caps;
+pub mod level_textures;
 pub mod program;
 pub mod sky;
 pub mod target;

@@ -1,29 +1,30 @@
-//! Draws the terrain: the textures of a [`Scene`]'s levels, and one instanced draw for each level.
+//! Draws the terrain: the textures of the levels of each [`Scene`] of a [`World`], and one instanced draw for each level of
+//! the scene that is drawn. The caps have a program of their own, with another expression for positions.
 //!
-//! Uploads: a level has one texture for heights and one for its surface, written at the start of a frame. Strips are
-//! 510 texels and come a few times a second, so on a driver that makes a write wait for the draws that read the texture,
-//! the wait is for the frame before this one, which a loop paced by page flips has seen finished. Tables are written
-//! more often and rotate through three textures.
+//! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
+//! tables and blocks rotate through three textures and buffers.
 
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
 
+use arrayvec::ArrayVec;
 use glow::HasContext as _;
 
 use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
+use super::level_textures::LevelTextures;
 use super::program::{Program, UniformLocation};
-use super::texture::{Filter, Format, Region, Texture, Wrap};
+use super::texture::{Filter, Format, Texture, Wrap};
 use super::{GlError, Gpu};
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
 use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices, pattern_vertices};
-use crate::terrain::clipmap::{TorusPart, torus_texel};
-use crate::terrain::scene::{
-    BadCamera, FrameFigures, LevelPlan, Plan, Scene, Settings, TABLE_ENTRIES,
-};
-use crate::terrain::stream::{NoTerrain, Sink};
+use crate::terrain::clipmap::torus_texel;
+use crate::terrain::partition::Partition;
+use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
+use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
+use crate::terrain::world::World;
 use crate::units::{Metres, Radians};
 
 /// Table textures in rotation: one being written, two that the GPU may still read.
@@ -66,37 +67,26 @@ pub enum TerrainError {
 #[derive(Debug)]
 pub struct TerrainRenderer {
     gpu: Rc<Gpu>,
-    scene: Scene,
-    textures: LevelTextures,
+    world: World,
+    /// One for each scene.
+    textures: ArrayVec<LevelTextures, 3>,
     tables: [Texture; TABLES],
     table: usize,
-    tables_version: u32,
-    colour: Shader,
-    range: Shader,
+    /// Scene and version of the tables last written.
+    tabled: Option<(usize, u32)>,
+    geographic: Shaders,
+    cap: Option<Shaders>,
     blocks: Stream,
     region: usize,
     arrays: [VertexArray; super::buffer::STREAM_REGIONS],
     indices: u32,
 }
 
+/// The programs of a kind of partition.
 #[derive(Debug)]
-struct LevelTextures {
-    heights: Vec<Texture>,
-    surface: Vec<Texture>,
-}
-
-impl Sink for LevelTextures {
-    fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]) {
-        let region = Region {
-            x: texel(part.x),
-            y: texel(part.y),
-            width: texel(part.width),
-            height: texel(part.height),
-        };
-        let level = usize::from(level);
-        self.heights[level].write(region, bytemuck::cast_slice(heights));
-        self.surface[level].write(region, bytemuck::cast_slice(surface));
-    }
+struct Shaders {
+    colour: Shader,
+    range: Shader,
 }
 
 /// A program with its uniforms.
@@ -111,6 +101,7 @@ struct Shader {
     scale: UniformLocation,
     clip: [UniformLocation; 3],
     depth: UniformLocation,
+    bulge: Option<UniformLocation>,
     haze: Option<UniformLocation>,
     lights: Option<[UniformLocation; 2]>,
 }
@@ -122,8 +113,16 @@ const SURFACE: u32 = 2;
 const COARSER: u32 = 3;
 
 impl Shader {
-    fn new(gpu: &Rc<Gpu>, name: &'static str, defines: &str) -> Result<Self, GlError> {
-        let source = |text: &str| format!("{defines}\n#line 1\n{text}");
+    fn new(
+        gpu: &Rc<Gpu>,
+        name: &'static str,
+        is_colour: bool,
+        is_cap: bool,
+    ) -> Result<Self, GlError> {
+        let range = if is_colour { "" } else { "#define RANGE\n" };
+        let cap = if is_cap { "#define CAP\n" } else { "" };
+        let defines = format!("{range}{cap}");
+        let source = |text: &str| format!("{defines}#line 1\n{text}");
         let program = Program::new(
             gpu,
             name,
@@ -132,7 +131,6 @@ impl Shader {
         )?;
         program.sampler("heights", HEIGHTS)?;
         program.sampler("tables", TABLE)?;
-        let is_colour = defines.is_empty();
         if is_colour {
             program.sampler("surface", SURFACE)?;
             program.sampler("coarser", COARSER)?;
@@ -151,6 +149,7 @@ impl Shader {
                 program.uniform("clip_w")?,
             ],
             depth: program.uniform("depth")?,
+            bulge: is_cap.then(|| program.uniform("bulge")).transpose()?,
             haze: colour_only("haze")?,
             lights: colour_only("key")?
                 .zip(colour_only("fill")?)
@@ -160,8 +159,17 @@ impl Shader {
     }
 }
 
+impl Shaders {
+    fn new(gpu: &Rc<Gpu>, is_cap: bool) -> Result<Self, GlError> {
+        Ok(Self {
+            colour: Shader::new(gpu, "terrain", true, is_cap)?,
+            range: Shader::new(gpu, "terrain range", false, is_cap)?,
+        })
+    }
+}
+
 impl TerrainRenderer {
-    /// For a pack: allocates every texture and buffer, compiles the shaders and starts the streaming thread.
+    /// For a pack: allocates every texture and buffer, compiles the shaders and starts the streaming threads.
     ///
     /// # Errors
     /// [`TerrainError`].
@@ -170,21 +178,17 @@ impl TerrainRenderer {
         settings: Settings,
         source: Arc<S>,
     ) -> Result<Self, TerrainError> {
-        let scene = Scene::new(source, settings).map_err(TerrainError::Thread)?;
-        let side = texel(settings.shape.texels());
-        let levels = scene.levels();
-        let all = |format, filter| -> Result<Vec<Texture>, GlError> {
-            (0..levels)
-                .map(|_| Texture::new(gpu, format, side, side, filter, Wrap::Repeat))
-                .collect()
-        };
-        let textures = LevelTextures {
-            heights: all(Format::Rg16Ui, Filter::Nearest)?,
-            surface: all(Format::Rgba8, Filter::Linear)?,
-        };
+        let levels = source.info().levels;
+        let world = World::new(&source, settings).map_err(TerrainError::Thread)?;
+        let mut textures = ArrayVec::new();
+        for scene in world.scenes() {
+            let texels = settings.shape.texels();
+            textures.push(LevelTextures::new(gpu, scene.levels(), texels)?);
+        }
+        let has_cap = world.scenes().len() > 1;
         let table = || {
             let rows = 2 * u32::from(levels);
-            let columns = texel(TABLE_ENTRIES);
+            let columns = texel(settings.shape.texels());
             Texture::new(
                 gpu,
                 Format::Rgba32F,
@@ -212,16 +216,16 @@ impl TerrainRenderer {
         Ok(Self {
             tables: [table()?, table()?, table()?],
             table: 0,
-            tables_version: 0,
-            colour: Shader::new(gpu, "terrain", "")?,
-            range: Shader::new(gpu, "terrain range", "#define RANGE")?,
+            tabled: None,
+            geographic: Shaders::new(gpu, false)?,
+            cap: has_cap.then(|| Shaders::new(gpu, true)).transpose()?,
             arrays: [array()?, array()?, array()?],
             blocks,
             region: 0,
             indices: texel(indices.len()),
             gpu: Rc::clone(gpu),
             textures,
-            scene,
+            world,
         })
     }
 
@@ -247,11 +251,18 @@ impl TerrainRenderer {
     /// # Errors
     /// [`BadCamera`]: everything stays as it was.
     pub fn prepare(&mut self, camera: &Camera, quota: usize) -> Result<FrameFigures, BadCamera> {
-        self.scene.frame(camera, quota, &mut self.textures)?;
-        let plan = self.scene.plan();
-        let mut figures = self.scene.figures();
-        if plan.tables_version != self.tables_version {
-            self.tables_version = plan.tables_version;
+        for textures in &mut self.textures {
+            textures.begin_frame();
+        }
+        self.world.frame(camera, quota, &mut self.textures)?;
+        let mut figures = self.world.figures();
+        figures.resident_bytes = self.resident_bytes();
+        let Some(at) = self.world.drawn_index() else {
+            return Ok(figures);
+        };
+        let plan = self.world.scenes()[at].plan();
+        if self.tabled != Some((at, plan.tables_version)) {
+            self.tabled = Some((at, plan.tables_version));
             self.table = (self.table + 1) % TABLES;
             let texels: &[u8] = bytemuck::cast_slice(&plan.tables);
             self.tables[self.table].write_all(texels);
@@ -261,20 +272,19 @@ impl TerrainRenderer {
             self.region = self.blocks.write(&plan.blocks);
             figures.uploads_bytes += size_of_val(plan.blocks.as_slice());
         }
-        figures.resident_bytes = self.resident_bytes();
         Ok(figures)
     }
 
     /// Draws the planned frame into the bound target, whose depth must be clear.
     pub fn draw(&self, look: &Look) {
-        self.draw_with(&self.colour, look);
+        self.draw_with(|shaders| &shaders.colour, look);
     }
 
     /// Draws the planned frame's distances from the eye instead of colours: each pixel's four bytes are those of an f32,
     /// red the lowest, metres. The target must have 8 bits a channel and no multisampling; clear it to
     /// [`RANGE_CLEAR`].
     pub fn draw_range(&self) {
-        self.draw_with(&self.range, &Look::BARE);
+        self.draw_with(|shaders| &shaders.range, &Look::BARE);
     }
 
     /// Ellipsoidal height of the ground at a point, from the finest resident level that covers it.
@@ -282,32 +292,45 @@ impl TerrainRenderer {
     /// # Errors
     /// [`NoTerrain`] where nothing covers it, or the pack has no measurement there.
     pub fn ground(&self, point: &Geodetic) -> Result<Metres, NoTerrain> {
-        self.scene.ground(point)
+        self.world.ground(point)
     }
 
-    /// The scene behind it.
+    /// The scene that is drawn; `None` before the first frame, and where the pack has no posts for the eye.
     #[must_use]
-    pub const fn scene(&self) -> &Scene {
-        &self.scene
+    pub fn scene(&self) -> Option<&Scene> {
+        self.world.drawn()
     }
 
     /// Draw calls of the planned frame: one for each level with a block in the picture.
     #[must_use]
     pub fn draw_calls(&self) -> usize {
-        let levels = &self.scene.plan().levels;
-        levels.iter().filter(|level| level.blocks.1 > 0).count()
+        self.scene().map_or(0, |scene| {
+            let levels = &scene.plan().levels;
+            levels.iter().filter(|level| level.blocks.1 > 0).count()
+        })
     }
 
     fn resident_bytes(&self) -> usize {
         let of = |textures: &[Texture]| textures.iter().map(Texture::bytes).sum::<usize>();
-        of(&self.textures.heights) + of(&self.textures.surface) + of(&self.tables)
+        let textures = self.textures.iter().map(LevelTextures::bytes);
+        let copies = self.world.scenes().iter().map(|s| s.streamer().bytes());
+        textures.chain(copies).sum::<usize>() + of(&self.tables)
     }
 
-    fn draw_with(&self, shader: &Shader, look: &Look) {
-        let plan = self.scene.plan();
+    fn draw_with(&self, shader_of: fn(&Shaders) -> &Shader, look: &Look) {
+        let Some(at) = self.world.drawn_index() else {
+            return;
+        };
+        let scene = &self.world.scenes()[at];
+        let textures = &self.textures[at];
+        let shader = shader_of(match &self.cap {
+            Some(cap) if scene.partition() != Partition::Geographic => cap,
+            _ => &self.geographic,
+        });
+        let plan = scene.plan();
         shader.program.bind();
         self.tables[self.table].bind(TABLE);
-        self.set_frame(shader, plan, look);
+        self.set_frame(shader, scene, look);
         let gl = self.gpu.gl();
         // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
         unsafe {
@@ -319,15 +342,15 @@ impl TerrainRenderer {
         }
         let array = &self.arrays[self.region];
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
-            self.set_level(shader, level);
+            self.set_level(shader, scene, textures, level);
             let first = level.blocks.0 * size_of::<Block>();
             let block = Attribute {
                 location: 1,
                 components: 4,
-                scalar: Scalar::U8Int,
+                scalar: Scalar::U16Int,
                 offset_bytes: u16::try_from(first).unwrap_or(0),
             };
-            array.add(&self.blocks.regions()[self.region], 4, &[block], 1);
+            array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
             array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
         }
         // SAFETY: as above.
@@ -342,10 +365,11 @@ impl TerrainRenderer {
         clippy::cast_precision_loss,
         reason = "numbers for the shader, which is f32"
     )]
-    fn set_frame(&self, shader: &Shader, plan: &Plan, look: &Look) {
+    fn set_frame(&self, shader: &Shader, scene: &Scene, look: &Look) {
         let gl = self.gpu.gl();
-        let heights = self.scene.heights();
-        let texels = self.scene.settings().shape.texels();
+        let plan = scene.plan();
+        let heights = scene.heights();
+        let texels = scene.settings().shape.texels();
         let scale = [
             plan.axis_distance_m,
             heights.unit_m as f32,
@@ -362,6 +386,9 @@ impl TerrainRenderer {
             for (at, row) in shader.clip.iter().zip(&plan.projection) {
                 gl.uniform_3_f32_slice(Some(at), row);
             }
+            if let Some(at) = &shader.bulge {
+                gl.uniform_4_f32_slice(Some(at), &plan.bulge);
+            }
             if let Some(at) = &shader.haze {
                 gl.uniform_4_f32_slice(Some(at), &haze);
             }
@@ -377,15 +404,21 @@ impl TerrainRenderer {
         clippy::cast_precision_loss,
         reason = "numbers for the shader, which is f32"
     )]
-    fn set_level(&self, shader: &Shader, level: &LevelPlan) {
+    fn set_level(
+        &self,
+        shader: &Shader,
+        scene: &Scene,
+        textures: &LevelTextures,
+        level: &LevelPlan,
+    ) {
         let gl = self.gpu.gl();
-        let shape = self.scene.settings().shape;
+        let shape = scene.settings().shape;
         let texels = shape.texels();
         let at = usize::from(level.level);
         let coarser = if level.has_coarser { at + 1 } else { at };
-        self.textures.surface[coarser].bind(COARSER);
-        self.textures.surface[at].bind(SURFACE);
-        self.textures.heights[at].bind(HEIGHTS);
+        textures.bind_surface(coarser, COARSER);
+        textures.bind_surface(at, SURFACE);
+        textures.bind_heights(at, HEIGHTS);
         let own = [level.window.i, level.window.j].map(|v| torus_texel(texels, v));
         // The coarser level's texel of this origin is half of it, in a torus of the same size. Without a coarser level
         // the blend goes to the level itself.

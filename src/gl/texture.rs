@@ -209,6 +209,44 @@ impl Texture {
         }
     }
 
+    /// Overwrites `region` with what stands at the same place in `image`, rows of `row_texels` texels from the texture's
+    /// first; see [`Self::write`].
+    ///
+    /// # Panics
+    /// If the region leaves the texture or the image: the owner knows both.
+    pub fn write_from(&self, region: Region, image: &[u8], row_texels: u32) {
+        let texel = self.format.texel_bytes();
+        let at = |x: u32, y: u32| (y as usize * row_texels as usize + x as usize) * texel;
+        let (right, top) = (region.x + region.width, region.y + region.height);
+        assert!(
+            region.height > 0 && right <= self.width && top <= self.height && right <= row_texels,
+            "{region:?} outside a texture of {} x {} or rows of {row_texels}",
+            self.width,
+            self.height
+        );
+        let part = &image[at(region.x, region.y)..at(right, top - 1)];
+        let (_, layout, kind) = self.format.gl();
+        self.bind(0);
+        let gl = self.gpu.gl();
+        // SAFETY: the context is current on this thread (Gpu is !Send); the texture is bound, the region lies inside it,
+        // and the slice reaches from its first texel to its last in rows of `row_texels` (checked above).
+        unsafe {
+            gl.pixel_store_i32(glow::UNPACK_ROW_LENGTH, gl_i32(row_texels));
+            gl.tex_sub_image_2d(
+                glow::TEXTURE_2D,
+                0,
+                gl_i32(region.x),
+                gl_i32(region.y),
+                gl_i32(region.width),
+                gl_i32(region.height),
+                layout,
+                kind,
+                glow::PixelUnpackData::Slice(Some(part)),
+            );
+            gl.pixel_store_i32(glow::UNPACK_ROW_LENGTH, 0);
+        }
+    }
+
     /// Overwrites the whole texture; see [`Self::write`].
     ///
     /// # Panics

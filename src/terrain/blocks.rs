@@ -20,16 +20,19 @@ pub const BLOCKS_MAX: usize = 320;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct Block {
     /// Westernmost cell.
-    pub x: u8,
+    pub x: u16,
     /// Southernmost cell.
-    pub y: u8,
+    pub y: u16,
     /// Cells across.
-    pub width: u8,
+    pub width: u16,
     /// Cells up.
-    pub height: u8,
+    pub height: u16,
 }
 
-const _: () = assert!(size_of::<Block>() == 4, "the vertex array reads four bytes");
+const _: () = assert!(
+    size_of::<Block>() == 8,
+    "the vertex array reads eight bytes"
+);
 
 /// Blocks of one level.
 pub type Blocks = ArrayVec<Block, BLOCKS_MAX>;
@@ -95,10 +98,10 @@ fn cut(longest: i32, rect: CellRect, out: &mut Blocks) -> bool {
                 rect.x0 + width * (a + 1) / across,
             );
             let block = Block {
-                x: byte(x0),
-                y: byte(y0),
-                width: byte(x1 - x0),
-                height: byte(y1 - y0),
+                x: short(x0),
+                y: short(y0),
+                width: short(x1 - x0),
+                height: short(y1 - y0),
             };
             if out.try_push(block).is_err() {
                 return false;
@@ -108,7 +111,12 @@ fn cut(longest: i32, rect: CellRect, out: &mut Blocks) -> bool {
     true
 }
 
-/// A cell number as a byte: windows have at most 254 cells.
+/// A cell number as the shader gets it: windows have at most a few hundred.
+fn short(cells: i32) -> u16 {
+    u16::try_from(cells).unwrap_or(u16::MAX)
+}
+
+/// A cell number of the pattern as a byte.
 fn byte(cells: i32) -> u8 {
     u8::try_from(cells).unwrap_or(u8::MAX)
 }
@@ -175,8 +183,15 @@ mod tests {
     use std::collections::HashMap;
 
     fn shapes() -> impl Strategy<Value = Shape> {
-        prop_oneof![Just(127), Just(191), Just(255)]
-            .prop_map(|n| Shape::new(n).expect("a legal shape"))
+        prop_oneof![
+            Just(63),
+            Just(127),
+            Just(191),
+            Just(255),
+            Just(319),
+            Just(447)
+        ]
+        .prop_map(|n| Shape::new(n).expect("a legal shape"))
     }
 
     proptest! {
@@ -224,7 +239,7 @@ mod tests {
 
     #[test]
     fn the_triangles_of_a_window_tile_it_without_overlap_or_gap() {
-        for n in [127, 255] {
+        for n in [63, 127, 255, 447] {
             let shape = Shape::new(n).expect("a legal shape");
             let (vertices, indices) = (pattern_vertices(shape), pattern_indices(shape));
             let mut blocks = Blocks::new();

@@ -6,13 +6,14 @@
 //! at texel (i mod T, j mod T), wherever the window stands.
 //!
 //! Longitude is kept continuous across the date line by whoever follows the eye, so post columns may lie beyond
-//! +-180 degrees; only reading tiles brings them back. Rows end near the poles, see [`row_limit`].
+//! +-180 degrees; only reading tiles brings them back. Rows of the geographic partition end short of the poles, see
+//! [`row_limit`]. In a cap, longitude and latitude are those of its grid ([`super::partition`]).
 //!
 //! Sources: F. Losasso and H. Hoppe, "Geometry clipmaps", SIGGRAPH 2004; A. Asirvatham and H. Hoppe, GPU Gems 2,
 //! chapter 2.
 
 use super::grid::Grid;
-use crate::limits::{LEVEL_TEXELS, LEVELS_MAX};
+use crate::limits::{LEVEL_VERTICES_MAX, LEVELS_MAX};
 
 /// Radius that turns latitude into metres to within 0.4 %: WGS 84's mean, (2a + b) / 3.
 const MEAN_RADIUS_M: f64 = 6_371_008.8;
@@ -28,24 +29,29 @@ const MORPH_LAG_POSTS: f64 = 2.0;
 /// Share of a window's half-width over which it blends into the next coarser level.
 const MORPH_SHARE: f64 = 0.15;
 
-/// Latitude beyond which nothing is drawn: a geographic grid has no useful posts there.
-const LATITUDE_MAX_DEG: f64 = 89.0;
+/// Latitude beyond which the geographic partition draws nothing. It is drawn up to a degree or so beyond the seam, from where
+/// the horizon of 20 km and the highest mountains behind it end at 79 degrees.
+const LATITUDE_MAX_DEG: f64 = 85.0;
 
 /// How many vertices a level has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Shape(u8);
+pub struct Shape(u16);
 
 impl Shape {
     /// 239 vertices a side.
     pub const DEFAULT: Self = Self(239);
 
-    /// A level of `vertices` a side: 127 to 255, one less than a multiple of 16, so that blocks and the edges of nested
-    /// windows fit. `None` for any other number.
+    /// A level of `vertices` a side: 63 to [`LEVEL_VERTICES_MAX`], one less than a multiple of 16, so that blocks and the
+    /// edges of nested windows fit. `None` for any other number.
     #[must_use]
     pub const fn new(vertices: u32) -> Option<Self> {
-        if vertices >= 127 && vertices <= 255 && (vertices + 1).is_multiple_of(16) {
-            #[expect(clippy::cast_possible_truncation, reason = "at most 255, just checked")]
-            Some(Self(vertices as u8))
+        let fits = vertices >= 63 && vertices <= LEVEL_VERTICES_MAX as u32;
+        if fits && (vertices + 1).is_multiple_of(16) {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "a few hundred, just checked"
+            )]
+            Some(Self(vertices as u16))
         } else {
             None
         }
@@ -63,14 +69,10 @@ impl Shape {
         i32::from(self.0) - 1
     }
 
-    /// Texels a side of the torus: 256, or 128 for the smallest shape.
+    /// Texels a side of the torus: the next power of two, 64 to 512.
     #[must_use]
     pub const fn texels(self) -> usize {
-        if self.0 < 128 {
-            LEVEL_TEXELS / 2
-        } else {
-            LEVEL_TEXELS
-        }
+        (self.0 as usize).next_power_of_two()
     }
 
     /// The longest side of a block in cells: a window is 15 blocks wide, and what is left of it beside a finer window (62 to
@@ -79,6 +81,13 @@ impl Shape {
     #[must_use]
     pub const fn block_cells(self) -> i32 {
         (self.0 as i32 + 1) / 16 + 1
+    }
+
+    /// A window that is farther than this from where it should be, in posts, is filled anew instead of moved. Less than half
+    /// of a window, so that the eye stands inside every window that is drawn.
+    #[must_use]
+    pub fn strip_steps_max(self) -> i32 {
+        (self.cells() / 2 - 8).min(48)
     }
 
     fn half(self) -> f64 {
@@ -129,15 +138,15 @@ pub fn post_position(grid: Grid, level: u8, longitude_deg: f64, latitude_deg: f6
     (longitude_deg * per_degree, latitude_deg * per_degree)
 }
 
-/// Highest drawn post row of a level; the lowest is its negative. All `levels` levels end at the same latitude, the last
-/// even row of the coarsest one within 89 degrees: nothing is drawn nearer to the poles.
+/// Highest drawn post row of a level of the geographic partition; the lowest is its negative. All `levels` levels end at the
+/// same latitude, the last even row of the coarsest one within 85 degrees.
 #[must_use]
 pub fn row_limit(grid: Grid, levels: u8, level: u8) -> i32 {
     let coarsest = levels.saturating_sub(1);
     let per_degree = f64::from(grid.posts_per_degree) / f64::from(1_u32 << coarsest);
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "below 89 x 10 800, a small whole number"
+        reason = "below 85 x 10 800, a small whole number"
     )]
     let rows = 2 * (LATITUDE_MAX_DEG * per_degree / 2.0).floor() as i32;
     rows << coarsest.saturating_sub(level)
@@ -146,7 +155,7 @@ pub fn row_limit(grid: Grid, levels: u8, level: u8) -> i32 {
 /// What decides which levels a view wants.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Latitude of the eye, degrees.
+    /// Grid latitude of the eye, degrees.
     pub latitude_deg: f64,
     /// Height of the eye above the ground under it, or above the lowest ground where that is not known, metres.
     pub above_ground_m: f64,
@@ -328,8 +337,15 @@ mod tests {
     };
 
     fn shapes() -> impl Strategy<Value = Shape> {
-        prop_oneof![Just(127), Just(191), Just(255)]
-            .prop_map(|n| Shape::new(n).expect("a legal shape"))
+        prop_oneof![
+            Just(63),
+            Just(127),
+            Just(191),
+            Just(255),
+            Just(319),
+            Just(447)
+        ]
+        .prop_map(|n| Shape::new(n).expect("a legal shape"))
     }
 
     proptest! {
@@ -411,7 +427,7 @@ mod tests {
             let row = row_limit(GRID, 8, level);
             assert_eq!(row, row_limit(GRID, 8, 7) << (7 - level), "level {level}");
             let latitude = GRID.latitude_deg(level, row);
-            assert!((88.7..=89.0).contains(&latitude), "{latitude}");
+            assert!((84.7..=85.0).contains(&latitude), "{latitude}");
         }
     }
 

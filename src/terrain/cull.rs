@@ -1,7 +1,8 @@
 //! Which blocks a camera can see, and how near and far they are: spheres against the picture's four planes and against
 //! the horizon, in f64.
 
-use crate::geo::{Camera, Geodetic, WGS84_A_M, WGS84_B_M};
+use super::partition::Partition;
+use crate::geo::{Camera, WGS84_A_M, WGS84_B_M};
 use glam::{DMat3, DVec3};
 
 /// A block of terrain as culling sees it: its corners and a sphere around them, Earth-centred, metres.
@@ -16,9 +17,11 @@ pub struct Bound {
     bulge_m: f64,
 }
 
-/// A patch of terrain: its sides in degrees, its heights in metres above the ellipsoid.
+/// A patch of terrain: its sides in degrees of its partition's grid, its heights in metres above the ellipsoid.
 #[derive(Clone, Copy, Debug)]
 pub struct Patch {
+    /// Whose grid it is.
+    pub partition: Partition,
     /// Southern side.
     pub south_deg: f64,
     /// Western side.
@@ -39,7 +42,7 @@ impl Bound {
     /// where a side of constant latitude turns on a small circle (up to 63 degrees; beyond, the length shrinks faster).
     #[must_use]
     pub fn of(patch: &Patch) -> Self {
-        let at = |lat: f64, lon: f64, h: f64| Geodetic::from_degrees(lat, lon, h).to_ecef();
+        let at = |lat: f64, lon: f64, h: f64| patch.partition.ecef(lon, lat, h);
         let (low, high) = (patch.height_min_m, patch.height_max_m);
         let mut corners = [DVec3::ZERO; 8];
         let sides = [
@@ -49,9 +52,7 @@ impl Bound {
             (patch.north_deg, patch.east_deg),
         ];
         for (at_corner, (lat, lon)) in sides.into_iter().enumerate() {
-            let (sin_lat, cos_lat) = lat.to_radians().sin_cos();
-            let (sin_lon, cos_lon) = lon.to_radians().sin_cos();
-            let up = DVec3::new(cos_lat * cos_lon, cos_lat * sin_lon, sin_lat);
+            let up = patch.partition.normal(lon, lat);
             corners[at_corner] = at(lat, lon, low);
             corners[at_corner + 4] = corners[at_corner] + up * (high - low);
         }
@@ -183,7 +184,7 @@ impl Viewer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geo::Attitude;
+    use crate::geo::{Attitude, Geodetic};
     use crate::units::Radians;
     use proptest::prelude::*;
 
@@ -207,6 +208,7 @@ mod tests {
         ) {
             let camera = camera(lat, lon, h, (heading, pitch, roll), 60.0);
             let patch = Patch {
+                partition: Partition::Geographic,
                 south_deg: lat + dlat, north_deg: lat + dlat + size,
                 west_deg: lon + dlon, east_deg: lon + dlon + size,
                 height_min_m: 0.0, height_max_m: relief,
@@ -233,6 +235,7 @@ mod tests {
     fn a_block_behind_the_horizon_is_hidden_and_a_mountain_there_is_not() {
         let camera = camera(0.0, 0.0, 100.0, (90.0, 0.0, 0.0), 60.0);
         let patch = |top: f64| Patch {
+            partition: Partition::Geographic,
             south_deg: -0.05,
             north_deg: 0.05,
             west_deg: 2.0,

@@ -1,11 +1,15 @@
 //! The grid of posts that every pack uses, its levels and its tiles. Pure integer geometry.
 //!
+//! What is said here of longitude and latitude holds for the geographic partition; a cap counts its posts in the same way
+//! in its own two angles ([`Partition`]), both of which stay within 26 degrees of 0, so that nothing wraps there.
+//!
 //! Level 0 posts stand at longitude `i / posts_per_degree` and latitude `j / posts_per_degree` degrees; (0, 0) is 0N 0E,
 //! i grows eastwards and j northwards. Post (i, j) of level l *is* level-0 post (i 2^l, j 2^l): coarse levels are point
 //! samples, so a post that several levels share has one height. Longitude wraps; i is stored in the half-open range
 //! -180 to 180 degrees.
 
 use crate::limits::{LEVELS_MAX, TILE_POSTS};
+use crate::terrain::partition::Partition;
 
 /// Side of a tile in posts, as the integer that post coordinates are made of.
 pub const TILE_SIDE: i32 = {
@@ -27,12 +31,13 @@ pub const TILE_SIDE: i32 = {
 pub const TILE_AREA: usize = TILE_POSTS * TILE_POSTS;
 
 /// Post spacings a pack may have, in posts per degree: 30", 15", 6", 3", 1", 0.5" and 1/3". All divide the degree, so that
-/// posts stand on whole degrees; levels 0 to 7 of each (or as many as it has) close around the Earth.
+/// posts stand on whole degrees. Levels 0 to 6 of each close around the Earth (7 too of all but 30" and 6"); the coarser
+/// ones step over the date line.
 pub const POSTS_PER_DEGREE: [u32; 7] = [120, 240, 600, 1200, 3600, 7200, 10_800];
 
-/// The coarsest level's spacing stays below this many degrees (0.107 for 3", 0.142 for 1"): 255 such posts reach past the
-/// horizon from 20 km.
-const COARSEST_SPACING_DEG: f64 = 0.15;
+/// The coarsest level's spacing stays below this many degrees (0.43 for 3", 0.57 for 1"): the smallest window of such posts
+/// reaches past the horizon from 20 km, at 70 degrees of latitude too.
+const COARSEST_SPACING_DEG: f64 = 0.6;
 
 /// Where posts stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +48,7 @@ pub struct Grid {
 
 impl Grid {
     /// How many levels a pack on this grid has (levels 0 to this less one): as many as keep the coarsest spacing below
-    /// 0.15 degrees, at most [`LEVELS_MAX`]. 8 for 3", 10 for 1".
+    /// 0.6 degrees, at most [`LEVELS_MAX`]. 10 for 3", 12 for 1".
     #[must_use]
     pub fn level_count(&self) -> u8 {
         let mut count: u8 = 1;
@@ -88,7 +93,7 @@ impl Grid {
     }
 
     /// The same for a column of any level. `None` where a level does not close around the Earth and its lattice west of
-    /// the date line has no post there (levels 8 and 9 of a 1" grid beyond 180 degrees).
+    /// the date line has no post there (levels 8 to 11 of a 1" grid beyond 180 degrees).
     #[must_use]
     pub fn canonical_at(&self, level: u8, i: i32) -> Option<i32> {
         let base = self.canonical(i.checked_mul(1 << level)?);
@@ -183,9 +188,11 @@ pub struct Bounds {
 }
 
 /// Names one tile: posts `column * 128 .. column * 128 + 128` by `row * 128 .. row * 128 + 128` of its level. Sorted by
-/// level, then row, then column, which is the order of a pack's index.
+/// partition, then level, then row, then column, which is the order of a pack's index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TileKey {
+    /// Whose posts.
+    pub partition: Partition,
     /// Level, 0 the finest.
     pub level: u8,
     /// Tile column, eastwards.
@@ -195,10 +202,11 @@ pub struct TileKey {
 }
 
 impl TileKey {
-    /// The tile that holds post (i, j) of a level; `i` must be canonical.
+    /// The tile that holds post (i, j) of a level; `i` must be canonical in the geographic partition.
     #[must_use]
-    pub const fn of_post(level: u8, i: i32, j: i32) -> Self {
+    pub const fn of_post(partition: Partition, level: u8, i: i32, j: i32) -> Self {
         Self {
+            partition,
             level,
             column: i.div_euclid(TILE_SIDE),
             row: j.div_euclid(TILE_SIDE),
@@ -226,7 +234,8 @@ impl TileKey {
 
 impl Ord for TileKey {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.level, self.row, self.column).cmp(&(other.level, other.row, other.column))
+        let order = |k: &Self| (k.partition, k.level, k.row, k.column);
+        order(self).cmp(&order(other))
     }
 }
 
@@ -238,6 +247,9 @@ impl PartialOrd for TileKey {
 
 impl std::fmt::Display for TileKey {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if self.partition != Partition::Geographic {
+            write!(f, "{} ", self.partition.name())?;
+        }
         write!(
             f,
             "level {} column {} row {}",
@@ -255,19 +267,20 @@ mod tests {
     };
 
     #[test]
-    fn levels_reach_a_tenth_of_a_degree() {
-        assert_eq!(GRID.level_count(), 8, "3 arc seconds: levels 0 to 7");
+    fn levels_reach_half_a_degree() {
+        assert_eq!(GRID.level_count(), 10, "3 arc seconds: levels 0 to 9");
         let fine = Grid {
             posts_per_degree: 3600,
         };
-        assert_eq!(fine.level_count(), 10, "1 arc second: levels 0 to 9");
+        assert_eq!(fine.level_count(), 12, "1 arc second: levels 0 to 11");
     }
 
     #[test]
-    fn listed_grids_close_around_the_earth_up_to_level_seven() {
+    fn listed_grids_close_around_the_earth_up_to_level_six() {
         for posts_per_degree in POSTS_PER_DEGREE {
             let grid = Grid { posts_per_degree };
-            let level = (grid.level_count() - 1).min(7);
+            let level = 6;
+            assert!(grid.level_count() > level, "{posts_per_degree}");
             assert_eq!(grid.posts_around() % (1 << level), 0, "{posts_per_degree}");
         }
     }
@@ -298,7 +311,7 @@ mod tests {
 
     #[test]
     fn negative_posts_belong_to_negative_tiles() {
-        let key = TileKey::of_post(0, -1, -129);
+        let key = TileKey::of_post(Partition::Geographic, 0, -1, -129);
         assert_eq!((key.column, key.row), (-1, -2), "floor, not truncation");
         assert_eq!(
             TileKey::index_of(-1, -129),

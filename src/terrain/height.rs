@@ -1,4 +1,4 @@
-//! The height of the ground at a point, read from a pack's finest level.
+//! The height of the ground at a point, read from the finest level of a pack's geographic posts.
 //!
 //! Interpolation: bilinear in latitude and longitude between the four level-0 posts around the point, of orthometric
 //! heights; the EGM96 undulation at the point, itself bilinear in its 15' grid, is added for the ellipsoidal height. A
@@ -7,6 +7,7 @@
 use crate::terrain::codec::{SurfaceKind, Tile};
 use crate::terrain::grid::{Grid, TileKey};
 use crate::terrain::pack::{Pack, TileError, TileReader};
+use crate::terrain::partition::Partition;
 use crate::units::{Metres, Radians};
 
 /// A point this close to a post, in spacings (3e-6 of 92 m), is the post: decimal degrees cannot name it exactly.
@@ -105,7 +106,7 @@ impl<'a> GroundReader<'a> {
         if !self.pack.covers(i, j) {
             return Err(HeightError::NotCovered);
         }
-        let key = TileKey::of_post(0, i, j);
+        let key = TileKey::of_post(Partition::Geographic, 0, i, j);
         if self.held != Some(key) {
             self.pack
                 .read_tile(key, &mut self.reader, &mut self.tile)
@@ -118,7 +119,7 @@ impl<'a> GroundReader<'a> {
 }
 
 /// The post at or before a coordinate, and how far the point is towards the next.
-fn split(grid: Grid, degrees: f64) -> (i32, f64) {
+pub(crate) fn split(grid: Grid, degrees: f64) -> (i32, f64) {
     let posts = degrees * f64::from(grid.posts_per_degree);
     let near = posts.round();
     let posts = if (posts - near).abs() < ON_POST {

@@ -3,10 +3,12 @@
 //! On the bench: [`input`] reads elevation files, [`bake`] makes them one grid of posts ([`grid`]) in levels and tiles, and
 //! [`store`] writes the pack. In flight: [`pack`] reads tiles on the streaming thread ([`worker`]), [`surface`] makes texels
 //! of them, [`stream`] keeps what is resident following the eye ([`clipmap`]), and [`scene`] plans a frame: which levels,
-//! cut into which blocks ([`blocks`], [`cull`]), placed by which tables ([`tables`]). [`crate::gl::terrain`] draws it.
+//! cut into which blocks ([`blocks`], [`cull`]), placed by which tables ([`tables`]); [`world`] has a scene for each
+//! [`partition`] of the Earth and chooses the one to draw. [`crate::gl::terrain`] draws it.
 
 pub mod archive;
 pub mod bake;
+pub mod bake_cap;
 pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
@@ -23,6 +25,7 @@ pub mod input;
 pub mod pack;
 mod pack_format;
 pub mod partition;
+mod plan;
 pub mod raster;
 pub mod scene;
 pub mod store;
@@ -33,3 +36,4 @@ pub mod synth_noise;
 mod synth_valley;
 pub mod tables;
 pub mod worker;
+pub mod world;

@@ -1,6 +1,6 @@
 //! The pack: one file that holds a terrain's tiles, and its reader. The writer is [`crate::terrain::store`].
 //!
-//! # Format 1
+//! # Format 2
 //!
 //! Little endian throughout, no gaps. CRC is CRC-32/ISO-HDLC (zlib's). *Post coordinates* are those of level 0 of
 //! [`Grid`]; a rectangle is south, west, north, east, all inclusive, and its east may pass 180 degrees.
@@ -9,7 +9,7 @@
 //! |---|---|
 //! | header | byte 0, 160 bytes |
 //! | stored tiles | from byte 160, one after the other ([`crate::terrain::codec`] says what is in them) |
-//! | index | header's index offset up to the geoid offset: 40 bytes for each tile, sorted by level, row, column |
+//! | index | header's index offset up to the geoid offset: 40 bytes for each tile, sorted by partition, level, row, column |
 //! | geoid | up to the sources offset |
 //! | sources | up to the end of the file |
 //!
@@ -18,7 +18,7 @@
 //! | byte | type | what |
 //! |---|---|---|
 //! | 0 | 8 bytes | `GLASWPCK` |
-//! | 8 | u32 | format, 1 |
+//! | 8 | u32 | format, 2 |
 //! | 12 | u32 | bytes of the header, 160 |
 //! | 16 | u64 | bytes of the file |
 //! | 24 | u32 | posts per degree of level 0 |
@@ -26,9 +26,9 @@
 //! | 32 | f64 | unit of a height, metres |
 //! | 40 | f64 | orthometric height of quanta 0, metres |
 //! | 48, 56 | f64, f64 | lowest and highest orthometric height that is not void, metres; 0, 0 where all is |
-//! | 64 | 4 x i32 | rectangle around everything covered |
+//! | 64 | 4 x i32 | rectangle around everything covered, in the geographic partition |
 //! | 80 | u64 | tiles |
-//! | 88, 96, 104 | 3 x u64 | level-0 posts covered by a source; of these void; of these water |
+//! | 88, 96, 104 | 3 x u64 | level-0 posts of the geographic partition covered by a source; of these void; of these water |
 //! | 112, 120, 128 | 3 x u64 | offsets of index, geoid and sources |
 //! | 136, 140, 144 | 3 x u32 | their CRCs |
 //! | 148 | 8 bytes | zero |
@@ -38,7 +38,8 @@
 //!
 //! | byte | type | what |
 //! |---|---|---|
-//! | 0 | u8 | level; 3 bytes of zero follow |
+//! | 0 | u8 | level |
+//! | 1 | u8 | partition: 0 geographic, 1 north cap, 2 south cap ([`Partition`]); 2 bytes of zero follow |
 //! | 4, 8 | i32, i32 | tile column, tile row |
 //! | 12, 14 | u16, u16 | lowest and highest quanta among all posts, filled ones too |
 //! | 16 | f32 | largest difference between a stored height and its source, metres; 0 for whole metres |
@@ -50,13 +51,16 @@
 //! millimetres, southern row first, west first; the lowest i32 where there is none). Sources: their number (u32), and for
 //! each its rectangle (4 x i32) and its name (u16 length, UTF-8).
 //!
+//! Format 1 had no partitions and fewer levels; it is not read any more: packs are baked again from their sources.
+//!
 //! Every byte of the file is under one of the checksums: a flipped bit is always found, when the pack is opened (header,
 //! index, geoid, sources) or when the tile it is in is read.
 
 use crate::terrain::codec::{CodecError, Decoder, STORED_BYTES_MAX, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TileKey};
-use crate::terrain::pack_format::{CRC, Entry, Header, parse_entries, parse_sources};
+use crate::terrain::pack_format::{CRC, Entry, Header, parse_entries, parse_sources, partitions};
+use crate::terrain::partition::Partition;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
@@ -68,7 +72,7 @@ pub use crate::terrain::grid::{Bounds, PostRect};
 /// First bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"GLASWPCK";
 /// The format that this program writes, and the newest it reads.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 160;
 /// Bytes of an index entry.
@@ -83,7 +87,7 @@ pub struct SourceInfo {
     pub rect: PostRect,
 }
 
-/// What a pack is, from its header.
+/// What a pack is, from its header and its index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PackInfo {
     /// Its format.
@@ -92,7 +96,9 @@ pub struct PackInfo {
     pub grid: Grid,
     /// Number of levels: 0 to this less one.
     pub levels: u8,
-    /// The posts of level 0 that frame everything covered.
+    /// Whether there are tiles of a partition, by its number.
+    pub partitions: [bool; 3],
+    /// The posts of level 0 that frame everything covered, in the geographic partition.
     pub rect: PostRect,
     /// The same in degrees.
     pub bounds: Bounds,
@@ -104,9 +110,9 @@ pub struct PackInfo {
     pub height_min_m: f64,
     /// Highest orthometric height among level-0 posts that are not void, metres.
     pub height_max_m: f64,
-    /// Tiles of all levels.
+    /// Tiles of all levels and partitions.
     pub tiles: u64,
-    /// Level-0 posts that a source covers.
+    /// Level-0 posts of the geographic partition that a source covers.
     pub posts: u64,
     /// Of these, void.
     pub void_posts: u64,
@@ -114,6 +120,14 @@ pub struct PackInfo {
     pub water_posts: u64,
     /// Bytes of the file.
     pub bytes: u64,
+}
+
+impl PackInfo {
+    /// Whether there are tiles of a partition.
+    #[must_use]
+    pub const fn has(&self, partition: Partition) -> bool {
+        self.partitions[partition as usize]
+    }
 }
 
 /// What the index says of a tile.
@@ -231,12 +245,56 @@ impl TileReader {
     }
 }
 
+/// Tiles in a file, by their index: those of a pack, or those that a bake has written so far.
+#[derive(Debug)]
+pub(crate) struct Tiles {
+    file: File,
+    /// Sorted by key.
+    entries: Vec<Entry>,
+}
+
+impl Tiles {
+    pub(crate) const fn new(file: File, entries: Vec<Entry>) -> Self {
+        Self { file, entries }
+    }
+
+    pub(crate) fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    pub(crate) fn entry(&self, key: TileKey) -> Option<&Entry> {
+        let at = self.entries.binary_search_by_key(&key, |e| e.key).ok()?;
+        self.entries.get(at)
+    }
+
+    /// Reads a tile. Allocates nothing; blocks on the disk. On an error `tile` is unchanged.
+    pub(crate) fn read(
+        &self,
+        key: TileKey,
+        reader: &mut TileReader,
+        tile: &mut Tile,
+    ) -> Result<(), TileError> {
+        let entry = self.entry(key).ok_or(TileError::Absent)?;
+        // No entry is longer than the buffer: the encoder makes none, and opening a pack refuses others.
+        let stored = &mut reader.stored[..entry.length as usize];
+        self.file
+            .read_exact_at(stored, entry.offset)
+            .map_err(|e| match e.kind() {
+                io::ErrorKind::UnexpectedEof => TileError::CutShort,
+                _ => TileError::Io(e),
+            })?;
+        if CRC.checksum(stored) != entry.crc {
+            return Err(TileError::Checksum);
+        }
+        Ok(reader.decoder.decode(stored, tile)?)
+    }
+}
+
 /// An open pack: the file, and its index, geoid and sources in memory. Threads may share it.
 #[derive(Debug)]
 pub struct Pack {
-    file: File,
+    tiles: Tiles,
     info: PackInfo,
-    entries: Vec<Entry>,
     geoid: GeoidGrid,
     sources: Vec<SourceInfo>,
 }
@@ -267,19 +325,17 @@ impl Pack {
         let entries = section(index, geoid, header.crcs[0], "index")?;
         let entries =
             parse_entries(&entries, &header.info, index).ok_or(PackError::Damaged("index"))?;
+        let info = PackInfo {
+            partitions: partitions(&entries),
+            ..header.info
+        };
         let geoid = section(geoid, sources, header.crcs[1], "geoid")?;
         let geoid = GeoidGrid::from_bytes(&geoid).ok_or(PackError::Damaged("geoid"))?;
-        let sources = section(
-            sources,
-            header.info.bytes,
-            header.crcs[2],
-            "list of sources",
-        )?;
+        let sources = section(sources, info.bytes, header.crcs[2], "list of sources")?;
         let sources = parse_sources(&sources).ok_or(PackError::Damaged("list of sources"))?;
         Ok(Self {
-            file,
-            info: header.info,
-            entries,
+            tiles: Tiles::new(file, entries),
+            info,
             geoid,
             sources,
         })
@@ -303,15 +359,15 @@ impl Pack {
         &self.sources
     }
 
-    /// Every tile it has, in the order of the index: level, row, column.
+    /// Every tile it has, in the order of the index: partition, level, row, column.
     pub fn keys(&self) -> impl Iterator<Item = TileKey> + '_ {
-        self.entries.iter().map(|e| e.key)
+        self.tiles.entries().iter().map(|e| e.key)
     }
 
     /// Whether it has a tile.
     #[must_use]
     pub fn contains(&self, key: TileKey) -> bool {
-        self.entry(key).is_some()
+        self.tiles.entry(key).is_some()
     }
 
     /// Whether a source covers the level-0 post at canonical column `i` and row `j`.
@@ -325,7 +381,7 @@ impl Pack {
     /// What the index says of a tile; `None` if the pack does not have it.
     #[must_use]
     pub fn tile_header(&self, key: TileKey) -> Option<TileHeader> {
-        let entry = self.entry(key)?;
+        let entry = self.tiles.entry(key)?;
         Some(TileHeader {
             min_m: self.orthometric_m(entry.min),
             max_m: self.orthometric_m(entry.max),
@@ -352,23 +408,6 @@ impl Pack {
         reader: &mut TileReader,
         tile: &mut Tile,
     ) -> Result<(), TileError> {
-        let entry = self.entry(key).ok_or(TileError::Absent)?;
-        // `open` has checked that no entry is longer than the buffer.
-        let stored = &mut reader.stored[..entry.length as usize];
-        self.file
-            .read_exact_at(stored, entry.offset)
-            .map_err(|e| match e.kind() {
-                io::ErrorKind::UnexpectedEof => TileError::CutShort,
-                _ => TileError::Io(e),
-            })?;
-        if CRC.checksum(stored) != entry.crc {
-            return Err(TileError::Checksum);
-        }
-        Ok(reader.decoder.decode(stored, tile)?)
-    }
-
-    fn entry(&self, key: TileKey) -> Option<&Entry> {
-        let at = self.entries.binary_search_by_key(&key, |e| e.key).ok()?;
-        self.entries.get(at)
+        self.tiles.read(key, reader, tile)
     }
 }

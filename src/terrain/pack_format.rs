@@ -7,6 +7,7 @@ use crate::terrain::grid::{Grid, POSTS_PER_DEGREE, PostRect, TileKey};
 use crate::terrain::pack::{
     ENTRY_BYTES, FORMAT, HEADER_BYTES, MAGIC, PackError, PackInfo, SourceInfo,
 };
+use crate::terrain::partition::Partition;
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
@@ -86,6 +87,8 @@ impl Header {
             version: u32_at(bytes, 8),
             grid,
             levels,
+            // Known from the index.
+            partitions: [false; 3],
             rect,
             bounds: rect.bounds(grid),
             unit_m: f64_at(bytes, 32),
@@ -202,7 +205,7 @@ impl Entry {
     pub(crate) fn to_bytes(self) -> [u8; ENTRY_BYTES] {
         let mut bytes = [0; ENTRY_BYTES];
         let mut put = |at: usize, field: &[u8]| bytes[at..at + field.len()].copy_from_slice(field);
-        put(0, &[self.key.level]);
+        put(0, &[self.key.level, self.key.partition as u8]);
         put(4, &self.key.column.to_le_bytes());
         put(8, &self.key.row.to_le_bytes());
         put(12, &self.min.to_le_bytes());
@@ -216,9 +219,11 @@ impl Entry {
         bytes
     }
 
-    fn parse(bytes: &[u8]) -> Self {
-        Self {
+    /// `None` for a partition that does not exist.
+    fn parse(bytes: &[u8]) -> Option<Self> {
+        Some(Self {
             key: TileKey {
+                partition: Partition::from_number(bytes[1])?,
                 level: bytes[0],
                 column: i32_at(bytes, 4),
                 row: i32_at(bytes, 8),
@@ -231,13 +236,14 @@ impl Entry {
             offset: u64_at(bytes, 24),
             length: u32_at(bytes, 32),
             crc: u32_at(bytes, 36),
-        }
+        })
     }
 }
 
 /// `None` where the entries contradict the header or each other.
 pub(crate) fn parse_entries(bytes: &[u8], info: &PackInfo, tiles_end: u64) -> Option<Vec<Entry>> {
-    let entries: Vec<Entry> = bytes.chunks_exact(ENTRY_BYTES).map(Entry::parse).collect();
+    let entries = bytes.chunks_exact(ENTRY_BYTES).map(Entry::parse);
+    let entries: Vec<Entry> = entries.collect::<Option<_>>()?;
     let whole = bytes.len().is_multiple_of(ENTRY_BYTES) && entries.len() as u64 == info.tiles;
     let sorted = entries.is_sorted_by(|a, b| a.key < b.key);
     // Within these no coordinate of a post of the tile can overflow.
@@ -254,6 +260,11 @@ pub(crate) fn parse_entries(bytes: &[u8], info: &PackInfo, tiles_end: u64) -> Op
                 .is_some_and(|end| end <= tiles_end)
     });
     (whole && sorted && placed).then_some(entries)
+}
+
+/// Which partitions have tiles, by number.
+pub(crate) fn partitions(entries: &[Entry]) -> [bool; 3] {
+    Partition::ALL.map(|p| entries.iter().any(|e| e.key.partition == p))
 }
 
 pub(crate) fn parse_sources(bytes: &[u8]) -> Option<Vec<SourceInfo>> {

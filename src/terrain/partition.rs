@@ -18,6 +18,7 @@
 //! (A. Dimitrijevic, 2015): below it every post is as it was measured. The partitions overlap by more than anything can be
 //! seen across the seam, so one is enough for a whole picture, and nothing has to be joined.
 
+use crate::geo::{WGS84_E2, prime_vertical_radius_m};
 use glam::DVec3;
 
 /// Latitude at which the eye changes between the geographic grid and a cap, degrees north or south.
@@ -58,6 +59,16 @@ impl Partition {
         }
     }
 
+    /// Its name in texts and documents.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Geographic => "geographic",
+            Self::North => "north cap",
+            Self::South => "south cap",
+        }
+    }
+
     /// The cap on a latitude's side of the equator.
     #[must_use]
     pub const fn cap(latitude_deg: f64) -> Self {
@@ -91,6 +102,16 @@ impl Partition {
             Self::North => DVec3::new(cos_lat * sin_lon, sin_lat, cos_lat * cos_lon),
             Self::South => DVec3::new(cos_lat * sin_lon, -sin_lat, -cos_lat * cos_lon),
         }
+    }
+
+    /// Earth-centred position, metres, at a grid longitude and latitude in degrees and a height above the ellipsoid in
+    /// metres (Heiskanen and Moritz 1967, equation 5-3, by the normal).
+    #[must_use]
+    pub fn ecef(self, longitude_deg: f64, latitude_deg: f64, height_ellipsoid_m: f64) -> DVec3 {
+        let up = self.normal(longitude_deg, latitude_deg);
+        let n = prime_vertical_radius_m(up.z);
+        let wide = n + height_ellipsoid_m;
+        DVec3::new(wide, wide, n * (1.0 - WGS84_E2) + height_ellipsoid_m) * up
     }
 
     /// Grid longitude and grid latitude, degrees, of a geodetic longitude and latitude in degrees.

@@ -1,18 +1,19 @@
-//! The terrain of one view, without a GPU: follows the eye, decides what is resident and what is drawn, and prepares all
+//! The terrain of one view in one partition, without a GPU: follows the eye, decides what is resident and what is drawn, and prepares all
 //! numbers that drawing needs. [`crate::gl::terrain`] uploads and draws what a [`Scene`] says.
 //!
 //! Depth: every level draws into a slice of the depth buffer of its own, the finest into the nearer half. A line of sight
 //! leaves each window once (they are nested around the eye), so what is nearer in slices is nearer in space, and each
 //! slice spends its bits on one level's distances. Sides of constant latitude bulge towards the pole against a line of
-//! sight, by 6 cells for a level-5 window at 60 degrees: far below what shows.
+//! sight, by 6 cells for a level-5 window at 60 degrees: far below what shows. In a cap they are straighter.
 
 use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
 use super::clipmap::{self, CellRect, Morph, Shape, View, Window};
 use super::cull::{Bound, Patch, Span, Viewer};
 use super::grid::Grid;
+use super::partition::Partition;
 use super::stream::{NoTerrain, Sink, Streamer, Uploads};
-use super::surface::{DamageCounts, TileSource};
-use super::tables::{Anchor, AnchorPost, Entry, HeightCode};
+use super::surface::TileSource;
+use super::tables::{Anchor, AnchorPost, HeightCode};
 use super::worker::Worker;
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
@@ -22,8 +23,7 @@ use glam::DVec3;
 use std::io;
 use std::sync::Arc;
 
-/// Entries of a row of the table texture: a level's columns or rows, counted from its window's origin.
-pub const TABLE_ENTRIES: usize = 256;
+pub use super::plan::{FrameFigures, LevelPlan, Plan};
 
 /// Nothing is drawn nearer to the eye, metres.
 const NEAR_MIN_M: f64 = 0.2;
@@ -56,73 +56,6 @@ impl Default for Settings {
 #[error("the camera is no camera: a position, attitude or size is not a usable number")]
 pub struct BadCamera;
 
-/// A level as it is drawn.
-#[derive(Clone, Copy, Debug)]
-pub struct LevelPlan {
-    /// Which level.
-    pub level: u8,
-    /// Where its window stands.
-    pub window: Window,
-    /// How it blends into the next.
-    pub morph: Morph,
-    /// Whether the next coarser level is drawn too.
-    pub has_coarser: bool,
-    /// Its blocks: the first in [`Plan::blocks`], and how many.
-    pub blocks: (usize, usize),
-    /// Clip z is the first times clip w plus the second.
-    pub depth: (f32, f32),
-    /// Its slice of the depth buffer.
-    pub slice: (f32, f32),
-}
-
-/// All that drawing a frame needs. Positions are metres, Earth-centred axes, counted from the eye.
-#[derive(Debug)]
-pub struct Plan {
-    /// The levels, finest first.
-    pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
-    /// Their blocks.
-    pub blocks: Vec<Block>,
-    /// Two rows of [`TABLE_ENTRIES`] for each level of the pack: columns, then rows.
-    pub tables: Vec<Entry>,
-    /// Changes when `tables` does.
-    pub tables_version: u32,
-    /// Anchor less eye.
-    pub origin_m: [f32; 3],
-    /// The anchor's distance from the Earth's axis.
-    pub axis_distance_m: f32,
-    /// The anchor's height code.
-    pub anchor_code: i32,
-    /// Rows of the projection: clip x, clip y and clip w of a position.
-    pub projection: [[f32; 3]; 3],
-    /// Heading of the view.
-    pub heading: Radians,
-    /// Triangles with an area.
-    pub triangles: usize,
-}
-
-/// What a frame did.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct FrameFigures {
-    /// Triangles drawn (with an area; surplus ones of the pattern are not counted).
-    pub triangles: usize,
-    /// Draw calls.
-    pub draw_calls: usize,
-    /// Finest and coarsest level drawn.
-    pub levels: Option<(u8, u8)>,
-    /// Finest and coarsest level wanted.
-    pub levels_wanted: (u8, u8),
-    /// Terrain texels uploaded.
-    pub uploads_texels: usize,
-    /// Bytes uploaded: terrain, tables and blocks.
-    pub uploads_bytes: usize,
-    /// Bytes of textures and their copies that are resident. Fixed at start.
-    pub resident_bytes: usize,
-    /// Whether every wanted level is whole and in its place.
-    pub settled: bool,
-    /// Tiles that could not be read since the start.
-    pub damage: DamageCounts,
-}
-
 /// A level's uncut blocks with their bounds, kept while windows stand still.
 #[derive(Debug, Default)]
 struct Ring {
@@ -135,6 +68,7 @@ struct Ring {
 /// See the module.
 #[derive(Debug)]
 pub struct Scene {
+    partition: Partition,
     settings: Settings,
     grid: Grid,
     levels: u8,
@@ -143,6 +77,7 @@ pub struct Scene {
     height_max_m: f64,
     streamer: Streamer,
     longitude_deg: Option<f64>,
+    latitude_deg: f64,
     eye_posts: (f64, f64),
     anchor: Option<Anchor>,
     rings: Vec<Ring>,
@@ -152,17 +87,22 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// For a pack; starts the streaming thread.
+    /// For one partition of a pack; starts its streaming thread.
     ///
     /// # Errors
     /// When the system refuses a thread.
-    pub fn new<S: TileSource>(source: Arc<S>, settings: Settings) -> io::Result<Self> {
+    pub fn new<S: TileSource>(
+        source: Arc<S>,
+        partition: Partition,
+        settings: Settings,
+    ) -> io::Result<Self> {
         let info = source.info();
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
-        let worker = Worker::start(source, settings.shape, heights)?;
+        let worker = Worker::start(source, partition, settings.shape, heights)?;
         Ok(Self {
+            partition,
             settings,
             grid,
             levels,
@@ -171,6 +111,7 @@ impl Scene {
             height_max_m: high.max(0.0) + HEIGHT_MARGIN_M,
             streamer: Streamer::new(settings.shape, levels, worker),
             longitude_deg: None,
+            latitude_deg: 0.0,
             eye_posts: (0.0, 0.0),
             anchor: None,
             rings: std::iter::repeat_with(Ring::default)
@@ -180,10 +121,11 @@ impl Scene {
             plan: Plan {
                 levels: ArrayVec::new(),
                 blocks: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
-                tables: vec![[0.0; 4]; 2 * usize::from(levels) * TABLE_ENTRIES],
+                tables: vec![[0.0; 4]; 2 * usize::from(levels) * settings.shape.texels()],
                 tables_version: 0,
                 origin_m: [0.0; 3],
                 axis_distance_m: 0.0,
+                bulge: [0.0; 4],
                 anchor_code: 0,
                 projection: [[0.0; 3]; 3],
                 heading: Radians(0.0),
@@ -206,17 +148,37 @@ impl Scene {
         if !camera.is_valid() {
             return Err(BadCamera);
         }
-        let eye = self.follow(camera);
-        let wanted = self.wanted(camera);
-        let uploads = self.streamer.step(eye, wanted, quota, sink);
-        self.choose_levels(wanted);
+        self.stream(camera, quota, sink);
         self.anchor();
         self.fill_tables();
         self.lay_rings();
         self.cut(camera);
         self.project(camera);
-        self.report(wanted, uploads);
+        self.figures.triangles = self.plan.triangles;
         Ok(())
+    }
+
+    /// Streams at most `quota` texels to `sink` for a frame that is not drawn from here: [`Self::figures`] are of what could
+    /// be drawn, and the plan has no blocks. The camera must be valid.
+    pub(super) fn preload(&mut self, camera: &Camera, quota: usize, sink: &mut dyn Sink) {
+        self.stream(camera, quota, sink);
+        self.clear();
+    }
+
+    /// Empties the plan.
+    pub(super) fn clear(&mut self) {
+        self.plan.levels.clear();
+        self.plan.blocks.clear();
+        self.plan.triangles = 0;
+    }
+
+    /// Follows the eye, streams, and chooses the levels that can be drawn.
+    fn stream(&mut self, camera: &Camera, quota: usize, sink: &mut dyn Sink) {
+        let eye = self.follow(camera);
+        let wanted = self.wanted(camera);
+        let uploads = self.streamer.step(eye, wanted, quota, sink);
+        self.choose_levels(wanted);
+        self.report(wanted, uploads);
     }
 
     /// The plan of the last frame.
@@ -229,6 +191,12 @@ impl Scene {
     #[must_use]
     pub const fn figures(&self) -> FrameFigures {
         self.figures
+    }
+
+    /// Its partition.
+    #[must_use]
+    pub const fn partition(&self) -> Partition {
+        self.partition
     }
 
     /// How heights are coded.
@@ -263,10 +231,9 @@ impl Scene {
         if !point.is_valid() {
             return Err(NoTerrain::NotResident);
         }
-        let longitude = self.near_eye(point.longitude.to_degrees());
+        let (longitude, latitude) = self.grid_position(point);
         for level in 0..self.levels {
-            let (x, y) =
-                clipmap::post_position(self.grid, level, longitude, point.latitude.to_degrees());
+            let (x, y) = clipmap::post_position(self.grid, level, longitude, latitude);
             match self.streamer.ground_code(level, x, y) {
                 Err(NoTerrain::NotResident) => {}
                 Err(NoTerrain::Void) => return Err(NoTerrain::Void),
@@ -276,17 +243,21 @@ impl Scene {
         Err(NoTerrain::NotResident)
     }
 
-    /// A longitude turned so that it is within half a turn of the eye's.
-    fn near_eye(&self, longitude_deg: f64) -> f64 {
-        let near = self.longitude_deg.unwrap_or(longitude_deg);
-        longitude_deg + 360.0 * ((near - longitude_deg) / 360.0).round()
+    /// Grid longitude, turned so that it is within half a turn of the eye's, and grid latitude, degrees.
+    fn grid_position(&self, point: &Geodetic) -> (f64, f64) {
+        let (longitude, latitude) = self
+            .partition
+            .from_geodetic(point.longitude.to_degrees(), point.latitude.to_degrees());
+        let near = self.longitude_deg.unwrap_or(longitude);
+        let turns = ((near - longitude) / 360.0).round();
+        (longitude + 360.0 * turns, latitude)
     }
 
     /// Takes the eye's position over, continuous across the date line.
     fn follow(&mut self, camera: &Camera) -> (f64, f64) {
-        let longitude = self.near_eye(camera.eye.longitude.to_degrees());
+        let (longitude, latitude) = self.grid_position(&camera.eye);
         self.longitude_deg = Some(longitude);
-        let latitude = camera.eye.latitude.to_degrees();
+        self.latitude_deg = latitude;
         self.eye_posts = clipmap::post_position(self.grid, 0, longitude, latitude);
         self.eye_posts
     }
@@ -295,7 +266,7 @@ impl Scene {
         let eye_m = camera.eye.height_ellipsoid.0;
         let above_lowest_m = eye_m - self.height_min_m;
         let view = View {
-            latitude_deg: camera.eye.latitude.to_degrees(),
+            latitude_deg: self.latitude_deg,
             above_ground_m: self
                 .ground(&camera.eye)
                 .map_or(eye_m - self.height_max_m, |g| eye_m - g.0),
@@ -377,7 +348,7 @@ impl Scene {
             code,
         };
         if old != Some(post) {
-            self.anchor = Some(Anchor::new(self.grid, self.heights, post));
+            self.anchor = Some(Anchor::new(self.partition, self.grid, self.heights, post));
             self.tabled.clear();
         }
     }
@@ -392,9 +363,10 @@ impl Scene {
             }
             self.tabled.retain(|t| t.0 != plan.level);
             self.tabled.push((plan.level, plan.window));
-            let start = 2 * usize::from(plan.level) * TABLE_ENTRIES;
+            let entries = self.settings.shape.texels();
+            let start = 2 * usize::from(plan.level) * entries;
             let (columns, rows) =
-                self.plan.tables[start..start + 2 * TABLE_ENTRIES].split_at_mut(TABLE_ENTRIES);
+                self.plan.tables[start..start + 2 * entries].split_at_mut(entries);
             for (post, entry) in (plan.window.i..).zip(columns) {
                 *entry = anchor.column(post << plan.level);
             }
@@ -411,6 +383,7 @@ impl Scene {
     /// Cuts each level's ring into blocks and bounds them, where anything has changed.
     fn lay_rings(&mut self) {
         let shape = self.settings.shape;
+        let place = (self.partition, self.grid, self.heights);
         let mut finer: Option<Window> = None;
         for plan in &self.plan.levels {
             let hole = finer.and_then(|w| clipmap::hole(shape, plan.window, &plan.morph, w));
@@ -421,11 +394,16 @@ impl Scene {
             if ring_of.key == key && ring_of.version == version {
                 continue;
             }
-            let limit = clipmap::row_limit(self.grid, self.levels, plan.level);
-            let rows = (
-                (-limit - plan.window.j).max(0),
-                (limit - plan.window.j).min(shape.cells()),
-            );
+            let rows = match self.partition {
+                Partition::Geographic => {
+                    let limit = clipmap::row_limit(self.grid, self.levels, plan.level);
+                    (
+                        (-limit - plan.window.j).max(0),
+                        (limit - plan.window.j).min(shape.cells()),
+                    )
+                }
+                Partition::North | Partition::South => (0, shape.cells()),
+            };
             if ring_of.key != key && !ring(shape, hole, rows, &mut ring_of.blocks) {
                 debug_assert!(false, "a ring of more than {BLOCKS_MAX} blocks");
             }
@@ -433,7 +411,7 @@ impl Scene {
             ring_of.version = version;
             ring_of.bounds.clear();
             for block in &ring_of.blocks {
-                let bound = bound(self.grid, self.heights, &self.streamer, plan, *block);
+                let bound = bound(place, &self.streamer, plan, *block);
                 ring_of.bounds.push(bound);
             }
         }
@@ -481,7 +459,12 @@ impl Scene {
         reason = "f64 until here: these are the numbers the shader is given"
     )]
     fn project(&mut self, camera: &Camera) {
-        self.plan.heading = camera.attitude.heading_true;
+        let (longitude, latitude) = (camera.eye.longitude, camera.eye.latitude);
+        let convergence = Radians::from_degrees(
+            self.partition
+                .convergence_deg(longitude.to_degrees(), latitude.to_degrees()),
+        );
+        self.plan.heading = Radians(camera.attitude.heading_true.0 - convergence.0);
         let f = camera.focal_px();
         let axes = camera.eye_to_ecef();
         let row = |v: DVec3| [v.x as f32, v.y as f32, v.z as f32];
@@ -493,6 +476,7 @@ impl Scene {
         if let Some(anchor) = &self.anchor {
             self.plan.origin_m = row(anchor.ecef() - camera.eye.to_ecef());
             self.plan.axis_distance_m = anchor.axis_distance_m() as f32;
+            self.plan.bulge = anchor.bulge().map(|v| v as f32);
             self.plan.anchor_code = i32::from(anchor.post().code);
         }
     }
@@ -500,8 +484,9 @@ impl Scene {
     fn report(&mut self, wanted: (u8, u8), uploads: Uploads) {
         let levels = &self.plan.levels;
         self.figures = FrameFigures {
-            triangles: self.plan.triangles,
+            triangles: 0,
             draw_calls: 0,
+            partition: Some(self.partition),
             levels: levels
                 .first()
                 .zip(levels.last())
@@ -519,8 +504,7 @@ impl Scene {
 
 /// Around a block, from the extremes of its heights.
 fn bound(
-    grid: Grid,
-    heights: HeightCode,
+    (partition, grid, heights): (Partition, Grid, HeightCode),
     streamer: &Streamer,
     plan: &LevelPlan,
     block: Block,
@@ -532,6 +516,7 @@ fn bound(
     let (width, height) = (i32::from(block.width), i32::from(block.height));
     let (low, high) = streamer.extremes(plan.level, (west, south), (width, height));
     Bound::of(&Patch {
+        partition,
         south_deg: grid.latitude_deg(plan.level, south),
         west_deg: grid.longitude_deg(plan.level, west),
         north_deg: grid.latitude_deg(plan.level, south + height),
@@ -556,7 +541,7 @@ fn depth(near_m: f64, far_m: f64) -> (f32, f32) {
 }
 
 /// The slice of the depth buffer of the `at`-th level drawn: the nearer half for the first, the rest shared equally.
-#[expect(clippy::cast_precision_loss, reason = "at most ten levels")]
+#[expect(clippy::cast_precision_loss, reason = "at most twelve levels")]
 fn slice(at: usize, coarser: usize) -> (f32, f32) {
     if at == 0 {
         return (0.0, 0.5);

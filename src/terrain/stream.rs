@@ -2,7 +2,7 @@
 //! of texels a frame that is never passed. The render thread's half of the streaming; the other is [`super::worker`].
 //!
 //! A window moves only in the frame in which the last texel of its strip has been uploaded, so what is drawn is whole
-//! after every frame. A level that the eye has left by more than 48 posts is not drawn until it has been filled anew; until then the
+//! after every frame. A level that the eye has left by more than 48 posts (see [`Shape::strip_steps_max`]) is not drawn until it has been filled anew; until then the
 //! coarser one draws without a hole.
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
@@ -10,20 +10,32 @@ use super::surface::{BATCH_TEXELS, Batch};
 use super::worker::{BATCHES, Job, Parcel, Worker};
 use crate::limits::LEVELS_MAX;
 
-/// A window that is farther than this from where it should be, in posts, is filled anew instead of moved. Less than half of
-/// the smallest window, so that the eye stands inside every window that is drawn.
-const STRIP_STEPS_MAX: i32 = 48;
 /// Side of the squares in which a level is filled.
 const FILL_SIDE: i32 = 64;
-/// Posts across the widest strip: 16 x 255 fit a batch.
+/// Posts across the widest strip: 16 x 255 fit a batch, of wider windows less.
 const STRIP_POSTS_MAX: i32 = 16;
 /// Side of the squares of the torus whose extremes are kept.
 const EXTREMES_SIDE: usize = 16;
 /// A texel that was never written: no level has this pair of heights.
 const UNWRITTEN: [u16; 2] = [u16::MAX, 0];
 
+/// All that a level's torus holds, row by row: heights and surface as in [`Batch`].
+#[derive(Clone, Copy, Debug)]
+pub struct Torus<'a> {
+    /// Own and coarser height codes.
+    pub heights: &'a [[u16; 2]],
+    /// Normals and kinds.
+    pub surface: &'a [[u8; 4]],
+}
+
 /// Where uploads go: textures, or a test's record of them.
 pub trait Sink {
+    /// Makes a level ready to be written, from what its torus holds now, with at most `quota` texels. Returns how many it
+    /// took; the level is ready if that is less than `quota`.
+    fn catch_up(&mut self, _level: u8, _torus: &Torus<'_>, _quota: usize) -> usize {
+        0
+    }
+
     /// Overwrites a rectangle of a level's torus: `part.width` x `part.height` texels row by row; see
     /// [`Batch`] for what they hold.
     fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]);
@@ -53,7 +65,7 @@ struct Level {
     generation: u32,
     version: u32,
     heights: Vec<[u16; 2]>,
-    void: Vec<bool>,
+    surface: Vec<[u8; 4]>,
     extremes: Vec<(u16, u16)>,
 }
 
@@ -107,7 +119,7 @@ impl Streamer {
             generation: 0,
             version: 0,
             heights: vec![UNWRITTEN; texels * texels],
-            void: vec![true; texels * texels],
+            surface: vec![[0, 0, 0, u8::MAX]; texels * texels],
             extremes: vec![(u16::MAX, 0); (texels / EXTREMES_SIDE).pow(2)],
         };
         Self {
@@ -147,6 +159,10 @@ impl Streamer {
         for level in (wanted.0..=wanted.1).rev() {
             let scale = f64::from(1_u32 << level);
             self.follow(level, (eye.0 / scale, eye.1 / scale), quota);
+            let of = &self.levels[usize::from(level)];
+            if matches!(of.residency, Residency::In { .. }) {
+                left -= sink.catch_up(level, &of.torus(), left);
+            }
         }
         let texels = quota - left;
         Uploads {
@@ -183,6 +199,17 @@ impl Streamer {
             .map_or(0, |level| level.version)
     }
 
+    /// Bytes of the copies of all levels.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let of = |level: &Level| {
+            size_of_val(level.heights.as_slice())
+                + size_of_val(level.surface.as_slice())
+                + size_of_val(level.extremes.as_slice())
+        };
+        self.levels.iter().map(of).sum()
+    }
+
     /// The worker's counts of unreadable tiles.
     #[must_use]
     pub fn damage(&self) -> super::surface::DamageCounts {
@@ -214,7 +241,7 @@ impl Streamer {
         let level = &self.levels[usize::from(level)];
         let post = |di: i32, dj: i32| {
             let at = self.texel(i + di, j + dj);
-            if level.void[at] {
+            if level.surface[at][3] > 0 {
                 return Err(NoTerrain::Void);
             }
             Ok(f64::from(level.heights[at][0]))
@@ -283,6 +310,7 @@ impl Streamer {
         }
         // A strip overwrites texels that are still drawn: all of it or nothing.
         let is_strip = matches!(level.residency, Residency::In { .. });
+        *left -= sink.catch_up(job.level, &level.torus(), *left);
         if is_strip && job.texels() > *left {
             return Some(held);
         }
@@ -340,7 +368,7 @@ impl Streamer {
         let at = usize::from(level);
         let around = |current| Window::around(self.shape, eye.0, eye.1, current);
         let far = |a: Window, b: Window| {
-            (a.i - b.i).abs() > STRIP_STEPS_MAX || (a.j - b.j).abs() > STRIP_STEPS_MAX
+            (a.i - b.i).abs().max((a.j - b.j).abs()) > self.shape.strip_steps_max()
         };
         match self.levels[at].residency {
             Residency::Out => self.begin(level, around(None)),
@@ -466,6 +494,13 @@ impl Streamer {
 }
 
 impl Level {
+    fn torus(&self) -> Torus<'_> {
+        Torus {
+            heights: &self.heights,
+            surface: &self.surface,
+        }
+    }
+
     /// Keeps a copy of what was uploaded, and the extremes of the squares it touches.
     fn mirror(
         &mut self,
@@ -478,9 +513,7 @@ impl Level {
             let from = row * part.width..(row + 1) * part.width;
             let to = (part.y + row) * texels + part.x;
             self.heights[to..to + part.width].copy_from_slice(&heights[from.clone()]);
-            for (void, s) in self.void[to..].iter_mut().zip(&surface[from]) {
-                *void = s[3] > 0;
-            }
+            self.surface[to..to + part.width].copy_from_slice(&surface[from]);
         }
         let per_side = texels / EXTREMES_SIDE;
         for y in part.y / EXTREMES_SIDE..=(part.y + part.height - 1) / EXTREMES_SIDE {
@@ -500,7 +533,7 @@ impl Level {
     }
 }
 
-/// A count of posts as a job holds it: at most 255.
+/// A count of posts as a job holds it: at most a few hundred.
 fn count(posts: i32) -> u16 {
     u16::try_from(posts).unwrap_or(0)
 }

@@ -9,26 +9,32 @@ use super::clipmap::TorusPart;
 use super::codec::{SurfaceKind, Tile};
 use super::grid::{Grid, TILE_SIDE, TileKey};
 use super::pack::{Pack, PackInfo, TileError, TileReader};
+use super::partition::Partition;
 use super::tables::HeightCode;
 use crate::geo::{meridian_radius_m, prime_vertical_radius_m};
 use crate::units::Radians;
 use arrayvec::ArrayVec;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Texels of the largest job: 64 x 64, or a strip of 16 x 255.
+/// Texels of the largest job: 64 x 64, or a strip of 16 x 255 or 8 x 447.
 pub const BATCH_TEXELS: usize = 4096;
 
-/// Decoded tiles that are kept: ten levels of a 255-post window with its border touch at most 4 x 4 tiles each while it
-/// fills, and 3 x 3 in most places; 48 KiB each.
+/// Decoded tiles that are kept: a window of 255 posts with its border touches 3 x 3 tiles on most of its 12 levels; and a
+/// square of 64 posts of level 11 that stands beyond the date line, where level 7 gives its posts, 9 x 9. 48 KiB each.
 pub const TILES_KEPT: usize = 128;
 
 /// Where tiles come from: a [`Pack`], or a stand-in for it in tests.
 pub trait TileSource: Send + Sync + std::fmt::Debug + 'static {
     /// What there is.
     fn info(&self) -> &PackInfo;
+    /// Whether there are tiles of a partition.
+    fn has(&self, partition: Partition) -> bool {
+        self.info().has(partition)
+    }
     /// Whether there is such a tile.
     fn contains(&self, key: TileKey) -> bool;
-    /// Height of the geoid above the ellipsoid at a point, metres; `None` where it is not known.
+    /// Height of the geoid above the ellipsoid at a point, metres, continuous over all of the Earth; `None` where it is not
+    /// known.
     fn undulation_m(&self, latitude: Radians, longitude: Radians) -> Option<f64>;
     /// Reads a tile without allocating.
     ///
@@ -52,7 +58,7 @@ impl TileSource for Pack {
     }
 
     fn undulation_m(&self, latitude: Radians, longitude: Radians) -> Option<f64> {
-        self.geoid().undulation_m(latitude, longitude)
+        Some(self.geoid().undulation_anywhere_m(latitude, longitude))
     }
 
     fn read_tile(
@@ -177,6 +183,7 @@ struct Slot {
 pub struct Sampler<'a, S> {
     source: &'a S,
     damage: &'a Damage,
+    partition: Partition,
     heights: HeightCode,
     grid: Grid,
     levels: u8,
@@ -187,13 +194,18 @@ pub struct Sampler<'a, S> {
     coarse: Vec<Post>,
 }
 
-/// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66 or 18 x 257.
+/// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66, 18 x 257 or 10 x 449.
 const SCRATCH_POSTS: usize = 5000;
 
 impl<'a, S: TileSource> Sampler<'a, S> {
-    /// Allocates everything it will ever need.
+    /// For the tiles of one partition. Allocates everything it will ever need.
     #[must_use]
-    pub fn new(source: &'a S, heights: HeightCode, damage: &'a Damage) -> Self {
+    pub fn new(
+        source: &'a S,
+        partition: Partition,
+        heights: HeightCode,
+        damage: &'a Damage,
+    ) -> Self {
         let slot = || Slot {
             key: None,
             damaged: false,
@@ -203,6 +215,7 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         Self {
             source,
             damage,
+            partition,
             heights,
             grid: source.info().grid,
             levels: source.info().levels,
@@ -298,7 +311,7 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         let mut x = 0;
         while x < width {
             let column = i + signed(x);
-            let Some(canonical) = self.grid.canonical_at(level, column) else {
+            let Some(canonical) = self.canonical_at(level, column) else {
                 // This level has no post there: the first finer one that closes around the Earth has.
                 for y in 0..height {
                     out[y * width + x] = self.post(level, column, j + signed(y));
@@ -327,6 +340,14 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         }
     }
 
+    /// The column that stands for column `i` of a level; see [`Grid::canonical_at`]. A cap has no date line.
+    fn canonical_at(&self, level: u8, i: i32) -> Option<i32> {
+        match self.partition {
+            Partition::Geographic => self.grid.canonical_at(level, i),
+            Partition::North | Partition::South => Some(i),
+        }
+    }
+
     fn run_before_date_line(&self, level: u8, canonical: i32, run: usize) -> usize {
         let end = (self.grid.posts_around() / 2 - 1) >> level;
         run.min(unsigned(end - canonical + 1)).max(1)
@@ -334,7 +355,7 @@ impl<'a, S: TileSource> Sampler<'a, S> {
 
     /// Posts that lie in one tile.
     fn tile_part(&mut self, part: Part, stride: usize, out: &mut [Post]) {
-        let key = TileKey::of_post(part.level, part.i, part.j);
+        let key = TileKey::of_post(self.partition, part.level, part.i, part.j);
         let found = self.tile(key);
         for y in 0..part.height {
             for x in 0..part.width {
@@ -350,11 +371,14 @@ impl<'a, S: TileSource> Sampler<'a, S> {
 
     /// One post of any level, wherever its column lies.
     fn post(&mut self, level: u8, i: i32, j: i32) -> Post {
-        let base = self.grid.canonical(i << level);
+        let base = match self.partition {
+            Partition::Geographic => self.grid.canonical(i << level),
+            Partition::North | Partition::South => i << level,
+        };
         #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
         let own = level.min(base.trailing_zeros() as u8);
         let (i, j) = (base >> own, j << (level - own));
-        match self.tile(TileKey::of_post(own, i, j)) {
+        match self.tile(TileKey::of_post(self.partition, own, i, j)) {
             Found::Ready(slot) => self.stored(slot, own, i, j),
             Found::Absent => self.missing(own, i, j),
             Found::Damaged => self.inherited(own, i, j),
@@ -399,8 +423,14 @@ impl<'a, S: TileSource> Sampler<'a, S> {
     }
 
     fn code(&self, orthometric_m: f64, level: u8, i: i32, j: i32) -> u16 {
-        let latitude = Radians::from_degrees(self.grid.latitude_deg(level, j));
-        let longitude = Radians::from_degrees(self.grid.longitude_deg(level, i));
+        let (longitude_deg, latitude_deg) = self.partition.to_geodetic(
+            self.grid.longitude_deg(level, i),
+            self.grid.latitude_deg(level, j),
+        );
+        let (latitude, longitude) = (
+            Radians::from_degrees(latitude_deg),
+            Radians::from_degrees(longitude_deg),
+        );
         let undulation_m = self.source.undulation_m(latitude, longitude).unwrap_or(0.0);
         self.heights.encode(orthometric_m + undulation_m)
     }

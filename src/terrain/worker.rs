@@ -2,6 +2,7 @@
 //! size and batches circulate, so after start nothing is allocated and neither side ever waits for the other's lock.
 
 use super::clipmap::{Shape, torus_parts};
+use super::partition::Partition;
 use super::surface::{Batch, Damage, Sampler, TileSource};
 use super::tables::HeightCode;
 use std::io;
@@ -58,12 +59,13 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Starts the thread.
+    /// Starts the thread, for the tiles of one partition.
     ///
     /// # Errors
     /// When the system refuses a thread.
     pub fn start<S: TileSource>(
         source: Arc<S>,
+        partition: Partition,
         shape: Shape,
         heights: HeightCode,
     ) -> io::Result<Self> {
@@ -75,7 +77,7 @@ impl Worker {
         let thread = thread::Builder::new()
             .name("terrain".into())
             .spawn(move || {
-                let mut sampler = Sampler::new(&*source, heights, &counts);
+                let mut sampler = Sampler::new(&*source, partition, heights, &counts);
                 while !stopped.load(Ordering::Acquire) {
                     let Ok(mut parcel) = jobs.pop() else {
                         // Woken by the next job or by the end; a wake-up before the wait makes it return at once.

@@ -15,6 +15,7 @@ use glasswing::terrain::bake::{BakeError, Heights, Job, Report, bake};
 use glasswing::terrain::codec::{SurfaceKind, Tile};
 use glasswing::terrain::grid::TileKey;
 use glasswing::terrain::pack::{Bounds, Pack, TileReader};
+use glasswing::terrain::partition::Partition;
 
 /// A square of 1201 x 1201 samples over one degree, rows from the north.
 pub(crate) struct Cell {
@@ -216,7 +217,7 @@ impl<'a> Posts<'a> {
 
     /// Orthometric height and kind of a post.
     pub(crate) fn at(&mut self, level: u8, i: i32, j: i32) -> (f64, SurfaceKind) {
-        let key = TileKey::of_post(level, i, j);
+        let key = TileKey::of_post(Partition::Geographic, level, i, j);
         if self.held != Some(key) {
             self.pack
                 .read_tile(key, &mut self.reader, &mut self.tile)

@@ -1,0 +1,179 @@
+//! Synthetic vision: a pack, what draws it, and what the pilot is to be told of it.
+//!
+//! Terrain is shown only where there is some, from a camera that is one; everything else has a name on the display, and
+//! the plain horizon is drawn instead.
+
+use crate::app::cockpit::Drawn;
+use crate::display::{Terrain, TerrainCaution};
+use crate::geo::{Camera, Geodetic};
+use crate::gl::sky::SkyRenderer;
+use crate::gl::terrain::{Look, TerrainError, TerrainRenderer};
+use crate::gl::{GlError, Gpu};
+use crate::terrain::pack::{Bounds, Pack};
+use crate::terrain::scene::{FrameFigures, Settings};
+use crate::terrain::stream::NoTerrain;
+use crate::units::{Metres, Radians};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// A level this many coarser than the finest wanted one around the eye is said to be coarse: its posts lie four times as
+/// far apart.
+const COARSE_LEVELS: u8 = 2;
+
+/// Draws terrain and sky. After construction nothing here allocates.
+#[derive(Debug)]
+pub struct Vision {
+    renderer: TerrainRenderer,
+    sky: SkyRenderer,
+    pack: Arc<Pack>,
+}
+
+/// Why it cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum VisionError {
+    /// The GPU refused something.
+    #[error(transparent)]
+    Gl(#[from] GlError),
+    /// The terrain cannot be drawn.
+    #[error(transparent)]
+    Terrain(#[from] TerrainError),
+}
+
+/// What the display is to say of a frame's terrain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shown {
+    /// Whether it is in the picture.
+    pub terrain: Terrain,
+    /// What is wrong with it, where it is.
+    pub caution: Option<TerrainCaution>,
+}
+
+impl Shown {
+    /// In the picture, and nothing to be said.
+    pub const WELL: Self = Self {
+        terrain: Terrain::Ready,
+        caution: None,
+    };
+
+    /// Not in the picture.
+    #[must_use]
+    pub const fn off(terrain: Terrain) -> Self {
+        Self {
+            terrain,
+            caution: None,
+        }
+    }
+}
+
+impl Vision {
+    /// For a pack; starts the streaming thread.
+    ///
+    /// # Errors
+    /// [`VisionError`].
+    pub fn new(gpu: &Rc<Gpu>, settings: Settings, pack: Pack) -> Result<Self, VisionError> {
+        let pack = Arc::new(pack);
+        Ok(Self {
+            renderer: TerrainRenderer::new(gpu, settings, Arc::clone(&pack))?,
+            sky: SkyRenderer::new(gpu)?,
+            pack,
+        })
+    }
+
+    /// Height of the geoid above the ellipsoid; `None` outside what the pack covers, where there is no terrain either.
+    #[must_use]
+    pub fn undulation(&self, latitude: Radians, longitude: Radians) -> Option<Metres> {
+        let undulation_m = self.pack.geoid().undulation_m(latitude, longitude)?;
+        Some(Metres(undulation_m))
+    }
+
+    /// Streams at most `quota_texels` without drawing. Returns whether every wanted level is there; true too where there
+    /// is nothing to wait for.
+    pub fn stream(&mut self, camera: &Camera, quota_texels: usize) -> bool {
+        let figures = self.renderer.prepare(camera, quota_texels);
+        figures.is_ok_and(|figures| figures.settled)
+    }
+
+    /// Streams at most `quota_texels`, and draws terrain and sky into the bound target where there is anything to show.
+    pub fn show(&mut self, camera: &Camera, quota_texels: usize, drawn: &mut Drawn) -> Shown {
+        let Ok(figures) = self.renderer.prepare(camera, quota_texels) else {
+            return Shown::off(Terrain::NoCamera);
+        };
+        drawn.upload_bytes = figures.uploads_bytes as u64;
+        drawn.upload_texels = figures.uploads_texels as u64;
+        drawn.resident_bytes = figures.resident_bytes as u64;
+        drawn.terrain_settled = figures.settled;
+        let info = self.pack.info();
+        if info.posts == info.void_posts {
+            return Shown::off(Terrain::Empty);
+        }
+        if figures.partition.is_none() || !covers(&info.bounds, &camera.eye) {
+            return Shown::off(Terrain::Outside);
+        }
+        let Some((finest, _)) = figures.levels else {
+            return Shown::off(Terrain::Loading);
+        };
+        self.renderer.draw(&Look::FLIGHT);
+        self.sky.draw(camera);
+        drawn.triangles = figures.triangles as u64;
+        let draw_calls = self.renderer.draw_calls() + 1;
+        drawn.draw_calls += u32::try_from(draw_calls).unwrap_or(u32::MAX);
+        drawn.terrain_shown = true;
+        Shown {
+            terrain: Terrain::Ready,
+            caution: self.caution(camera, &figures, finest),
+        }
+    }
+
+    /// The gravest thing that is wrong with what is drawn.
+    fn caution(
+        &self,
+        camera: &Camera,
+        figures: &FrameFigures,
+        finest: u8,
+    ) -> Option<TerrainCaution> {
+        let ground = self.renderer.ground(&camera.eye);
+        let damage = figures.damage;
+        match ground {
+            Ok(ground) if camera.eye.height_ellipsoid < ground => Some(TerrainCaution::BelowGround),
+            Err(NoTerrain::Void) => Some(TerrainCaution::NoDataBelow),
+            _ if finest >= figures.levels_wanted.0 + COARSE_LEVELS => Some(TerrainCaution::Coarse),
+            _ if damage.checksum + damage.content + damage.reading > 0 => {
+                Some(TerrainCaution::Damaged)
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Whether a point lies within bounds whose east may pass 180 degrees.
+fn covers(bounds: &Bounds, point: &Geodetic) -> bool {
+    let latitude = point.latitude.to_degrees();
+    let from_west = (point.longitude.to_degrees() - bounds.west_deg).rem_euclid(360.0);
+    (bounds.south_deg..=bounds.north_deg).contains(&latitude)
+        && from_west <= bounds.east_deg - bounds.west_deg
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pack_over_the_date_line_covers_both_its_sides() {
+        let bounds = Bounds {
+            south_deg: -20.0,
+            west_deg: 179.0,
+            north_deg: -19.0,
+            east_deg: 181.0,
+        };
+        let at = |lat, lon| covers(&bounds, &Geodetic::from_degrees(lat, lon, 0.0));
+        assert!(at(-19.5, 179.5) && at(-19.5, -179.5) && at(-19.5, 180.0));
+        assert!(!at(-19.5, -178.9) && !at(-19.5, 178.9) && !at(-18.9, 180.0));
+        let world = Bounds {
+            south_deg: -90.0,
+            west_deg: -180.0,
+            north_deg: 90.0,
+            east_deg: 180.0,
+        };
+        assert!(covers(&world, &Geodetic::from_degrees(90.0, 180.0, 0.0)));
+    }
+}

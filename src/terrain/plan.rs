@@ -1,0 +1,89 @@
+//! What a [`super::scene::Scene`] hands to whoever draws a frame: its plan, and figures of it.
+
+use super::blocks::Block;
+use super::clipmap::{Morph, Window};
+use super::partition::Partition;
+use super::surface::DamageCounts;
+use super::tables::Entry;
+use crate::limits::LEVELS_MAX;
+use crate::units::Radians;
+use arrayvec::ArrayVec;
+
+/// A level as it is drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct LevelPlan {
+    /// Which level.
+    pub level: u8,
+    /// Where its window stands.
+    pub window: Window,
+    /// How it blends into the next.
+    pub morph: Morph,
+    /// Whether the next coarser level is drawn too.
+    pub has_coarser: bool,
+    /// Its blocks: the first in [`Plan::blocks`], and how many.
+    pub blocks: (usize, usize),
+    /// Clip z is the first times clip w plus the second.
+    pub depth: (f32, f32),
+    /// Its slice of the depth buffer.
+    pub slice: (f32, f32),
+}
+
+/// All that drawing a frame needs. Positions are metres, Earth-centred axes, counted from the eye.
+#[derive(Debug)]
+pub struct Plan {
+    /// The levels, finest first.
+    pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
+    /// Their blocks.
+    pub blocks: Vec<Block>,
+    /// Two rows of as many entries as a torus has texels for each level of the pack: columns, then rows.
+    pub tables: Vec<Entry>,
+    /// Changes when `tables` does.
+    pub tables_version: u32,
+    /// Anchor less eye.
+    pub origin_m: [f32; 3],
+    /// What the first two entries of a column are multiplied by, see [`super::tables::Anchor::axis_distance_m`].
+    pub axis_distance_m: f32,
+    /// Numbers of the anchor for a cap, see [`super::tables::Anchor::bulge`].
+    pub bulge: [f32; 4],
+    /// The anchor's height code.
+    pub anchor_code: i32,
+    /// Rows of the projection: clip x, clip y and clip w of a position.
+    pub projection: [[f32; 3]; 3],
+    /// Heading of the view against grid north.
+    pub heading: Radians,
+    /// Triangles with an area.
+    pub triangles: usize,
+}
+
+/// What a frame did.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FrameFigures {
+    /// Triangles drawn (with an area; surplus ones of the pattern are not counted).
+    pub triangles: usize,
+    /// Draw calls.
+    pub draw_calls: usize,
+    /// Which partition is drawn; `None` where the pack has none for the eye.
+    pub partition: Option<Partition>,
+    /// Finest and coarsest level drawn.
+    pub levels: Option<(u8, u8)>,
+    /// Finest and coarsest level wanted.
+    pub levels_wanted: (u8, u8),
+    /// Terrain texels uploaded.
+    pub uploads_texels: usize,
+    /// Bytes uploaded: terrain, tables and blocks.
+    pub uploads_bytes: usize,
+    /// Bytes of textures and their copies that are resident. Fixed at start.
+    pub resident_bytes: usize,
+    /// Whether every wanted level is whole and in its place, or there is nothing to wait for.
+    pub settled: bool,
+    /// Tiles that could not be read since the start.
+    pub damage: DamageCounts,
+}
+
+impl FrameFigures {
+    /// Whether every wanted level can be drawn.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.levels == Some(self.levels_wanted)
+    }
+}
