@@ -26,6 +26,10 @@ out vec2 v_ground;            // height above the ellipsoid, m; blend into the c
 #ifdef RANGE
 out vec3 v_position;
 #endif
+#ifdef GRID
+uniform vec3 lines_at;        // the window's origin among the lines, east and north; a cell; steps from line to line
+out vec2 v_lines;             // position among the lines: whole numbers are on one
+#endif
 
 invariant gl_Position;
 
@@ -68,5 +72,8 @@ void main() {
     v_ground = vec2(rise + float(torus.y) * scale.y + scale.w, blend);
 #ifdef RANGE
     v_position = p;
+#endif
+#ifdef GRID
+    v_lines = at * lines_at.z + lines_at.xy;
 #endif
 }

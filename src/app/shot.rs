@@ -6,11 +6,13 @@ use crate::app::cockpit;
 use crate::app::error::{Failure, Kind};
 use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::{Effort, Size, write_png};
+use crate::app::vision::Dress;
 use crate::display::{Config, Model, Terrain, Ui};
 use crate::geo::{Attitude, Camera, EYE_HEIGHT_M, Geodetic};
+use crate::gl::look::{Look, Palette};
 use crate::gl::sky::SkyRenderer;
 use crate::gl::target::Target;
-use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainError, TerrainRenderer};
+use crate::gl::terrain::{RANGE_CLEAR, TerrainError, TerrainRenderer};
 use crate::gl::{GlError, Gpu};
 use crate::sampled::Sampled;
 use crate::screen::{self, Screen};
@@ -75,12 +77,31 @@ pub struct ShotArgs {
     /// No instruments, haze or sky gradient
     #[arg(long)]
     pub terrain_only: bool,
+    /// Colour ground by its height relative to the eye: red with bars from 100 ft below it upwards, yellow from 1000 ft below
+    #[arg(long)]
+    pub awareness: bool,
+    /// Lay lines of latitude and longitude on the ground, 1 minute to 30 degrees apart as the eye's height asks; beyond 70
+    /// degrees of latitude lines of the polar grid
+    #[arg(long)]
+    pub grid: bool,
+    /// For eyes used to daylight, or to the dark: terrain and sky a third as bright
+    #[arg(long, value_enum, default_value_t = Light::Day)]
+    pub palette: Light,
     /// What draws
     #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
     pub backend: Backend,
     /// Print figures of the frame as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// For which eyes a picture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Light {
+    /// Used to daylight
+    Day,
+    /// Used to the dark
+    Night,
 }
 
 /// What a picture without a screen is drawn with.
@@ -337,10 +358,10 @@ impl Studio {
         args: &ShotArgs,
         settled: Settled,
     ) -> Result<Report, Failure> {
-        self.draw(camera, args.terrain_only);
+        self.draw(camera, args);
         self.gpu.finish();
         let begun = Monotonic::read();
-        let background = self.draw(camera, args.terrain_only);
+        let background = self.draw(camera, args);
         self.gpu.finish();
         let frame = Monotonic::read().since(begun).unwrap_or_default();
         let mut pixels = vec![0; self.size.width_px as usize * self.size.height_px as usize * 4];
@@ -383,15 +404,25 @@ impl Studio {
     }
 
     /// Draws what has been settled. Returns the draw calls beside the terrain's.
-    fn draw(&mut self, camera: &Camera, terrain_only: bool) -> usize {
+    fn draw(&mut self, camera: &Camera, args: &ShotArgs) -> usize {
         self.target.bind();
         self.gpu.clear(FLAT_SKY);
-        if terrain_only {
-            self.terrain.draw(&Look::BARE);
+        let dress = Dress {
+            awareness: args.awareness,
+            grid: args.grid,
+            palette: match args.palette {
+                Light::Day => Palette::Day,
+                Light::Night => Palette::Night,
+            },
+        };
+        let mut look = dress.look(camera, None);
+        if args.terrain_only {
+            look.haze_m = Look::BARE.haze_m;
+            self.terrain.draw(&look);
             return 0;
         }
-        self.terrain.draw(&Look::FLIGHT);
-        self.sky.draw(camera);
+        self.terrain.draw(&look);
+        self.sky.draw(camera, look.palette);
         self.instruments.draw();
         2
     }

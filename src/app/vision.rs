@@ -4,10 +4,11 @@
 //! the plain horizon is drawn instead.
 
 use crate::app::cockpit::Drawn;
-use crate::display::{Terrain, TerrainCaution};
+use crate::display::{Terrain, TerrainCaution, Ui};
 use crate::geo::{Camera, Geodetic};
+use crate::gl::look::{Lines, Look, Palette};
 use crate::gl::sky::SkyRenderer;
-use crate::gl::terrain::{Look, TerrainError, TerrainRenderer};
+use crate::gl::terrain::{TerrainError, TerrainRenderer};
 use crate::gl::{GlError, Gpu};
 use crate::terrain::pack::{Bounds, Pack};
 use crate::terrain::scene::{FrameFigures, Settings};
@@ -26,6 +27,49 @@ pub struct Vision {
     renderer: TerrainRenderer,
     sky: SkyRenderer,
     pack: Arc<Pack>,
+    lines: Option<Lines>,
+    /// What lies on the ground.
+    pub dress: Dress,
+}
+
+/// What lies on the ground beside its relief, and for which eyes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dress {
+    /// Colours by height relative to the aircraft.
+    pub awareness: bool,
+    /// Lines of latitude and longitude.
+    pub grid: bool,
+    /// Day or night.
+    pub palette: Palette,
+}
+
+impl Dress {
+    /// As the pilot has set.
+    #[must_use]
+    pub const fn of(ui: &Ui) -> Self {
+        Self {
+            awareness: ui.awareness,
+            grid: ui.grid,
+            palette: if ui.night {
+                Palette::Night
+            } else {
+                Palette::Day
+            },
+        }
+    }
+
+    /// The look of a picture from a camera, whose height must be valid now: the eye is the aircraft. `lines`: of the
+    /// picture before.
+    #[must_use]
+    pub fn look(self, camera: &Camera, lines: Option<Lines>) -> Look {
+        let height = camera.eye.height_ellipsoid;
+        Look {
+            palette: self.palette,
+            awareness: self.awareness.then_some(height),
+            lines: self.grid.then(|| Lines::at(height, lines)),
+            ..Look::FLIGHT
+        }
+    }
 }
 
 /// Why it cannot be made.
@@ -76,6 +120,8 @@ impl Vision {
             renderer: TerrainRenderer::new(gpu, settings, Arc::clone(&pack))?,
             sky: SkyRenderer::new(gpu)?,
             pack,
+            lines: None,
+            dress: Dress::default(),
         })
     }
 
@@ -112,8 +158,10 @@ impl Vision {
         let Some((finest, _)) = figures.levels else {
             return Shown::off(Terrain::Loading);
         };
-        self.renderer.draw(&Look::FLIGHT);
-        self.sky.draw(camera);
+        let look = self.dress.look(camera, self.lines);
+        self.lines = look.lines;
+        self.renderer.draw(&look);
+        self.sky.draw(camera, look.palette);
         drawn.triangles = figures.triangles as u64;
         let draw_calls = self.renderer.draw_calls() + 1;
         drawn.draw_calls += u32::try_from(draw_calls).unwrap_or(u32::MAX);

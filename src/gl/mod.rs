@@ -18,6 +18,7 @@
 pub mod buffer;
 pub mod caps;
 pub mod level_textures;
+pub mod look;
 pub mod program;
 pub mod sky;
 pub mod target;

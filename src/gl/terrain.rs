@@ -13,6 +13,7 @@ use glow::HasContext as _;
 
 use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
 use super::level_textures::LevelTextures;
+use super::look::{Look, LookUniforms, Variant, with_relief};
 use super::program::{Program, UniformLocation};
 use super::texture::{Filter, Format, Texture, Wrap};
 use super::{GlError, Gpu};
@@ -25,32 +26,10 @@ use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings}
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
-use crate::units::{Metres, Radians};
+use crate::units::Metres;
 
 /// Table textures in rotation: one being written, two that the GPU may still read.
 const TABLES: usize = 3;
-
-/// What the picture shows beside the ground itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Distance at which 63 % of the haze is reached, metres; infinite for none.
-    pub haze_m: f64,
-    /// Its colour: red, green, blue, 0 to 1.
-    pub haze: [f32; 3],
-}
-
-impl Look {
-    /// For flying: haze that leaves ridges 100 km away readable.
-    pub const FLIGHT: Self = Self {
-        haze_m: 90_000.0,
-        haze: super::sky::HAZE,
-    };
-    /// The ground alone.
-    pub const BARE: Self = Self {
-        haze_m: f64::INFINITY,
-        haze: super::sky::HAZE,
-    };
-}
 
 /// Why the renderer cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -85,7 +64,7 @@ pub struct TerrainRenderer {
 /// The programs of a kind of partition.
 #[derive(Debug)]
 struct Shaders {
-    colour: Shader,
+    colour: [Shader; Variant::ALL.len()],
     range: Shader,
 }
 
@@ -102,8 +81,8 @@ struct Shader {
     clip: [UniformLocation; 3],
     depth: UniformLocation,
     bulge: Option<UniformLocation>,
-    haze: Option<UniformLocation>,
-    lights: Option<[UniformLocation; 2]>,
+    lines: Option<UniformLocation>,
+    look: Option<LookUniforms>,
 }
 
 /// Texture units.
@@ -116,19 +95,21 @@ impl Shader {
     fn new(
         gpu: &Rc<Gpu>,
         name: &'static str,
-        is_colour: bool,
+        variant: Option<Variant>,
         is_cap: bool,
     ) -> Result<Self, GlError> {
-        let range = if is_colour { "" } else { "#define RANGE\n" };
+        let kind = variant.map_or("#define RANGE\n".to_owned(), Variant::defines);
         let cap = if is_cap { "#define CAP\n" } else { "" };
-        let defines = format!("{range}{cap}");
-        let source = |text: &str| format!("{defines}#line 1\n{text}");
+        let defines = format!("{kind}{cap}");
+        let vertex = include_str!("../../shaders/terrain.vert");
+        let fragment = include_str!("../../shaders/terrain.frag");
         let program = Program::new(
             gpu,
             name,
-            &source(include_str!("../../shaders/terrain.vert")),
-            &source(include_str!("../../shaders/terrain.frag")),
+            &format!("{defines}#line 1\n{vertex}"),
+            &with_relief(&defines, fragment),
         )?;
+        let is_colour = variant.is_some();
         program.sampler("heights", HEIGHTS)?;
         program.sampler("tables", TABLE)?;
         if is_colour {
@@ -150,10 +131,13 @@ impl Shader {
             ],
             depth: program.uniform("depth")?,
             bulge: is_cap.then(|| program.uniform("bulge")).transpose()?,
-            haze: colour_only("haze")?,
-            lights: colour_only("key")?
-                .zip(colour_only("fill")?)
-                .map(Into::into),
+            lines: variant
+                .filter(|variant| variant.has_lines())
+                .map(|_| program.uniform("lines_at"))
+                .transpose()?,
+            look: variant
+                .map(|variant| LookUniforms::new(gpu, &program, variant))
+                .transpose()?,
             program,
         })
     }
@@ -161,9 +145,16 @@ impl Shader {
 
 impl Shaders {
     fn new(gpu: &Rc<Gpu>, is_cap: bool) -> Result<Self, GlError> {
+        let [plain, aware, lined, both] = Variant::ALL;
+        let colour = |variant| Shader::new(gpu, "terrain", Some(variant), is_cap);
         Ok(Self {
-            colour: Shader::new(gpu, "terrain", true, is_cap)?,
-            range: Shader::new(gpu, "terrain range", false, is_cap)?,
+            colour: [
+                colour(plain)?,
+                colour(aware)?,
+                colour(lined)?,
+                colour(both)?,
+            ],
+            range: Shader::new(gpu, "terrain range", None, is_cap)?,
         })
     }
 }
@@ -277,7 +268,7 @@ impl TerrainRenderer {
 
     /// Draws the planned frame into the bound target, whose depth must be clear.
     pub fn draw(&self, look: &Look) {
-        self.draw_with(|shaders| &shaders.colour, look);
+        self.draw_with(|shaders| &shaders.colour[look.variant().index()], look);
     }
 
     /// Draws the planned frame's distances from the eye instead of colours: each pixel's four bytes are those of an f32,
@@ -317,7 +308,7 @@ impl TerrainRenderer {
         textures.chain(copies).sum::<usize>() + of(&self.tables)
     }
 
-    fn draw_with(&self, shader_of: fn(&Shaders) -> &Shader, look: &Look) {
+    fn draw_with(&self, shader_of: impl Fn(&Shaders) -> &Shader, look: &Look) {
         let Some(at) = self.world.drawn_index() else {
             return;
         };
@@ -343,6 +334,10 @@ impl TerrainRenderer {
         let array = &self.arrays[self.region];
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
+            if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
+                let place = lines.place(scene.grid(), level.level, level.window);
+                shader.program.set_f32(at, &place);
+            }
             let first = level.blocks.0 * size_of::<Block>();
             let block = Attribute {
                 location: 1,
@@ -376,8 +371,6 @@ impl TerrainRenderer {
             1.0 / texels as f32,
             heights.base_m as f32,
         ];
-        let [r, g, b] = look.haze;
-        let haze = [r, g, b, (1.0 / look.haze_m) as f32];
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
         unsafe {
             gl.uniform_2_i32(Some(&shader.torus), signed(texels - 1), plan.anchor_code);
@@ -389,13 +382,9 @@ impl TerrainRenderer {
             if let Some(at) = &shader.bulge {
                 gl.uniform_4_f32_slice(Some(at), &plan.bulge);
             }
-            if let Some(at) = &shader.haze {
-                gl.uniform_4_f32_slice(Some(at), &haze);
-            }
-            if let Some([key, fill]) = &shader.lights {
-                gl.uniform_3_f32_slice(Some(key), &light(plan.heading, KEY_LIGHT_DEG));
-                gl.uniform_3_f32_slice(Some(fill), &light(plan.heading, FILL_LIGHT_DEG));
-            }
+        }
+        if let Some(uniforms) = &shader.look {
+            uniforms.set(look, plan.heading);
         }
     }
 
@@ -462,24 +451,6 @@ impl TerrainRenderer {
             gl.depth_range_f32(level.slice.0, level.slice.1);
         }
     }
-}
-
-/// Where the lights stand: degrees clockwise from the view's heading, and degrees above the horizon. Maps are lit from the
-/// upper left because relief then reads as relief; in a forward view that is from the left. A light that
-/// stood in the north-west would come from behind on a south-easterly heading and flatten everything. The weaker one tells
-/// slopes along the first apart.
-const KEY_LIGHT_DEG: (f64, f64) = (-88.0, 40.0);
-const FILL_LIGHT_DEG: (f64, f64) = (70.0, 25.0);
-
-/// The unit vector east, north, up towards a light.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "numbers for the shader, which is f32"
-)]
-fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64)) -> [f32; 3] {
-    let (sin, cos) = (heading.0 + azimuth_deg.to_radians()).sin_cos();
-    let (up, along) = elevation_deg.to_radians().sin_cos();
-    [(along * sin) as f32, (along * cos) as f32, up as f32]
 }
 
 /// Clear colour whose bytes are the f32 +infinity: no terrain.

@@ -35,5 +35,6 @@ pub mod synth;
 pub mod synth_noise;
 mod synth_valley;
 pub mod tables;
+pub mod texel;
 pub mod worker;
 pub mod world;

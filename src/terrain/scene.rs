@@ -205,6 +205,12 @@ impl Scene {
         self.heights
     }
 
+    /// The grid of posts.
+    #[must_use]
+    pub const fn grid(&self) -> Grid {
+        self.grid
+    }
+
     /// Levels of the pack.
     #[must_use]
     pub const fn levels(&self) -> u8 {

@@ -7,6 +7,7 @@
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
 use super::surface::{BATCH_TEXELS, Batch};
+use super::texel::KIND_VOID;
 use super::worker::{BATCHES, Job, Parcel, Worker};
 use crate::limits::LEVELS_MAX;
 
@@ -241,7 +242,7 @@ impl Streamer {
         let level = &self.levels[usize::from(level)];
         let post = |di: i32, dj: i32| {
             let at = self.texel(i + di, j + dj);
-            if level.surface[at][3] > 0 {
+            if level.surface[at][3] == KIND_VOID {
                 return Err(NoTerrain::Void);
             }
             Ok(f64::from(level.heights[at][0]))
