@@ -15,7 +15,7 @@ use clipmap_support::earth::{Earth, above_ground_m};
 use clipmap_support::support::is_emulated;
 use clipmap_support::{Dice, gpu};
 use glasswing::geo::{Camera, Geodetic};
-use glasswing::gl::terrain::Look;
+use glasswing::gl::look::Look;
 use glasswing::heap;
 use glasswing::terrain::partition::Partition;
 use std::sync::Arc;

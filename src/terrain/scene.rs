@@ -124,7 +124,6 @@ impl Scene {
                 tables: vec![[0.0; 4]; 2 * usize::from(levels) * settings.shape.texels()],
                 tables_version: 0,
                 origin_m: [0.0; 3],
-                axis_distance_m: 0.0,
                 bulge: [0.0; 4],
                 anchor_code: 0,
                 projection: [[0.0; 3]; 3],
@@ -442,7 +441,7 @@ impl Scene {
                     continue;
                 };
                 self.plan.blocks.push(*block);
-                self.plan.triangles += 2 * usize::from(block.width) * usize::from(block.height);
+                self.plan.triangles += block.triangles();
                 let so_far = all.unwrap_or(span);
                 all = Some(Span {
                     near_m: so_far.near_m.min(span.near_m),
@@ -481,9 +480,8 @@ impl Scene {
         ];
         if let Some(anchor) = &self.anchor {
             self.plan.origin_m = row(anchor.ecef() - camera.eye.to_ecef());
-            self.plan.axis_distance_m = anchor.axis_distance_m() as f32;
             self.plan.bulge = anchor.bulge().map(|v| v as f32);
-            self.plan.anchor_code = i32::from(anchor.post().code);
+            self.plan.anchor_code = anchor.post().code;
         }
     }
 
@@ -516,10 +514,10 @@ fn bound(
     block: Block,
 ) -> Bound {
     let (west, south) = (
-        plan.window.i + i32::from(block.x),
-        plan.window.j + i32::from(block.y),
+        plan.window.i + i32::from(block.west),
+        plan.window.j + i32::from(block.south),
     );
-    let (width, height) = (i32::from(block.width), i32::from(block.height));
+    let (width, height) = (block.width(), block.height());
     let (low, high) = streamer.extremes(plan.level, (west, south), (width, height));
     Bound::of(&Patch {
         partition,
