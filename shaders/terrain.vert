@@ -1,6 +1,6 @@
 // A vertex of the terrain: from a block's pattern to a post of its level, and from that to a position on the ellipsoid.
-// In: the pattern's vertex, by its number, and the block (posts from the window's origin). Out: clip position; coordinates in the level's
-// surface; height and blend. Positions are metres in Earth-centred axes, from the eye.
+// In: the pattern's vertex, by its number, and the block (posts from the window's origin). Out: clip position; coordinates
+// in the level's surface; height and blend. Positions are metres in Earth-centred axes, from the eye.
 // Positions must come out the same bits wherever a vertex is shared, hence `invariant` and one expression for all levels.
 layout(location = 0) in ivec4 block;   // first and last column, first and last row
 
@@ -24,6 +24,9 @@ out vec2 v_texel;             // in the level's own surface
 out vec2 v_ground;            // height above the ellipsoid, m; blend into the coarser level, 0 to 1
 #ifdef RANGE
 out vec3 v_position;
+#endif
+#ifdef RECORD
+out vec4 v_vertex;            // cell east and north, height above the anchor in m, blend
 #endif
 #ifdef GRID
 uniform vec3 lines_at;        // the window's origin among the lines, east and north; a cell; steps from line to line
@@ -69,6 +72,9 @@ void main() {
     v_ground = vec2(rise * scale.x + scale.y, blend);
 #ifdef RANGE
     v_position = p;
+#endif
+#ifdef RECORD
+    v_vertex = vec4(at, rise * scale.x, blend);
 #endif
 #ifdef GRID
     v_lines = at * lines_at.z + lines_at.xy;

@@ -16,6 +16,7 @@ pub mod health;
 pub mod instruments;
 pub mod intake;
 pub mod list;
+pub mod measure;
 pub mod picture;
 pub mod run;
 pub mod shot;

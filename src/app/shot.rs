@@ -248,7 +248,11 @@ fn model(camera: &Camera, pack: &Pack) -> Model {
     Model::build(&state, &ui, &config, now)
 }
 
-fn open(backend: Backend, size: Size) -> Result<Box<dyn Screen>, Failure> {
+/// A screen that shows nothing.
+///
+/// # Errors
+/// When it does not open (4).
+pub(super) fn open(backend: Backend, size: Size) -> Result<Box<dyn Screen>, Failure> {
     let screen: Result<Box<dyn Screen>, _> = match backend {
         Backend::Surfaceless => {
             screen::surfaceless::open(size.width_px, size.height_px).map(|s| Box::new(s) as _)

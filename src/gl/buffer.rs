@@ -400,6 +400,18 @@ impl VertexArray {
     }
 }
 
+impl VertexArray {
+    /// Binds it and draws `count` points, `instances` times: what may be recorded in OpenGL ES 3.0.
+    pub fn draw_points(&self, count: u32, instances: u32) {
+        self.bind();
+        let gl = self.gpu.gl();
+        // SAFETY: as in `draw`.
+        unsafe {
+            gl.draw_arrays_instanced(glow::POINTS, 0, gl_i32(count), gl_i32(instances));
+        };
+    }
+}
+
 impl Drop for VertexArray {
     fn drop(&mut self) {
         // SAFETY: the context is current on this thread (Gpu is !Send); nothing uses the array after this.

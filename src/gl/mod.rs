@@ -17,6 +17,7 @@
 
 pub mod buffer;
 pub mod caps;
+pub mod feedback;
 pub mod level_textures;
 pub mod look;
 pub mod program;

@@ -4,6 +4,8 @@
 //! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
 //! tables and blocks rotate through three textures and buffers.
 
+pub mod record;
+
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -99,16 +101,33 @@ impl Shader {
         variant: Option<Variant>,
         is_cap: bool,
     ) -> Result<Self, GlError> {
+        Self::recording(gpu, name, variant, is_cap, &[])
+    }
+
+    /// With some of the vertex shader's outputs recorded.
+    fn recording(
+        gpu: &Rc<Gpu>,
+        name: &'static str,
+        variant: Option<Variant>,
+        is_cap: bool,
+        outputs: &[&str],
+    ) -> Result<Self, GlError> {
         let kind = variant.map_or("#define RANGE\n".to_owned(), Variant::defines);
         let cap = if is_cap { "#define CAP\n" } else { "" };
-        let defines = format!("{kind}{cap}");
+        let record = if outputs.is_empty() {
+            ""
+        } else {
+            "#define RECORD\n"
+        };
+        let defines = format!("{kind}{cap}{record}");
         let vertex = include_str!("../../shaders/terrain.vert");
         let fragment = include_str!("../../shaders/terrain.frag");
-        let program = Program::new(
+        let program = Program::recording(
             gpu,
             name,
             &format!("{defines}#line 1\n{vertex}"),
             &with_relief(&defines, fragment),
+            outputs,
         )?;
         let is_colour = variant.is_some();
         program.sampler("heights", HEIGHTS)?;
@@ -125,7 +144,10 @@ impl Shader {
             texels: colour_only("texels")?,
             coarser_at: colour_only("coarser_at")?,
             origin: program.uniform("origin")?,
-            scale: colour_only("scale")?,
+            // Only distances do without heights.
+            scale: (is_colour || !outputs.is_empty())
+                .then(|| program.uniform("scale"))
+                .transpose()?,
             clip: [
                 program.uniform("clip_x")?,
                 program.uniform("clip_y")?,
@@ -326,21 +348,13 @@ impl TerrainRenderer {
             gl.disable(glow::BLEND);
             gl.disable(glow::CULL_FACE);
         }
-        let array = &self.arrays[self.region];
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
             if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
                 let place = lines.place(scene.grid(), level.level, level.window);
                 shader.program.set_f32(at, &place);
             }
-            let first = level.blocks.0 * size_of::<Block>();
-            let block = Attribute {
-                location: 0,
-                components: 4,
-                scalar: Scalar::I16Int,
-                offset_bytes: u16::try_from(first).unwrap_or(0),
-            };
-            array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
+            let array = self.blocks_of(level);
             array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
         }
         // SAFETY: as above.
@@ -348,6 +362,20 @@ impl TerrainRenderer {
             gl.depth_range_f32(0.0, 1.0);
             gl.disable(glow::DEPTH_TEST);
         }
+    }
+
+    /// The vertex array that draws a level's blocks.
+    fn blocks_of(&self, level: &LevelPlan) -> &VertexArray {
+        let array = &self.arrays[self.region];
+        let first = level.blocks.0 * size_of::<Block>();
+        let block = Attribute {
+            location: 0,
+            components: 4,
+            scalar: Scalar::I16Int,
+            offset_bytes: u16::try_from(first).unwrap_or(0),
+        };
+        array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
+        array
     }
 
     #[expect(

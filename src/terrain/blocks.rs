@@ -143,6 +143,13 @@ const PATTERN_COLUMNS: i32 = 32;
 /// above asks for it again (16 entries on old Malis: two rows of seven vertices fit).
 const STRIPE_CELLS: i32 = 6;
 
+/// One past the highest number of a vertex of the pattern. The numbers that no triangle asks for collapse onto the block's
+/// eastern edge like all others past it.
+#[must_use]
+pub fn pattern_numbers(shape: Shape) -> usize {
+    usize::try_from(PATTERN_COLUMNS * (shape.block_cells() + 1)).unwrap_or(0)
+}
+
 /// Numbers of the pattern's vertices, column + 32 row, of `block_cells + 2` columns and `block_cells + 1` rows: two triangles
 /// a cell, counter-clockwise seen from above, in stripes.
 #[must_use]

@@ -198,16 +198,16 @@ impl Scene {
         self.partition
     }
 
+    /// Where posts stand.
+    #[must_use]
+    pub const fn grid(&self) -> Grid {
+        self.grid
+    }
+
     /// How heights are coded.
     #[must_use]
     pub const fn heights(&self) -> HeightCode {
         self.heights
-    }
-
-    /// The grid of posts.
-    #[must_use]
-    pub const fn grid(&self) -> Grid {
-        self.grid
     }
 
     /// Levels of the pack.
