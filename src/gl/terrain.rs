@@ -372,7 +372,7 @@ impl TerrainRenderer {
             location: 0,
             components: 4,
             scalar: Scalar::I16Int,
-            offset_bytes: u16::try_from(first).unwrap_or(0),
+            offset_bytes: texel(first),
         };
         array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
         array
@@ -481,10 +481,6 @@ pub const RANGE_CLEAR: [f32; 4] = [0.0, 0.0, 128.0 / 255.0, 127.0 / 255.0];
 const _: () = assert!(
     size_of::<Block>() == 8,
     "the vertex array reads eight bytes"
-);
-const _: () = assert!(
-    LEVELS_MAX * BLOCKS_MAX * 8 <= 0xFFFF,
-    "offsets into the blocks are 16-bit numbers"
 );
 
 /// How much later than planned a blend begins and ends: so little that nobody sees it, and more than what rounding in f32

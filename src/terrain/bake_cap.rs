@@ -7,10 +7,10 @@
 //!
 //! The tiles written so far are read back. A cap tile asks for each of its posts' neighbours, sorts them by the tile they
 //! are in and reads each tile once: at the pole, where a row of cap posts crosses all longitudes, as cheaply as elsewhere
-//! a tile. All in all every geographic tile is unpacked about ten times, and a cap costs about as much as its part of the
-//! geographic bake.
+//! a tile. Every geographic tile is unpacked several times; a cap takes about as long as the geographic posts under it at 70
+//! degrees, and a third of that near the pole, where it has fewer posts than they.
 //!
-//! Memory: the index of the tiles read, a few blocks for each thread, and the tiles of coarse levels that are open along a
+//! Memory: the index of the tiles read, a few blocks, and the tiles of coarse levels that are open along a
 //! row of cap tiles: at most 24 MB for 3", 72 MB for 1".
 
 use crate::terrain::bake_levels::{Block, Levels, Post};
@@ -23,8 +23,9 @@ use crate::terrain::store::Scale;
 use std::collections::BTreeSet;
 use std::io;
 
-/// Tiles that a thread makes before all are written.
-const TILES_PER_TURN: usize = 8;
+/// Tiles that all threads make together before they are written; their number has no part in it, so that the file does not
+/// depend on it.
+const TILES_PER_TURN: usize = 32;
 
 /// Every so many posts of a geographic tile is asked which cap tile it is in; its neighbours up to the next are less than
 /// [`REACH`] cap posts away, though cap columns lie closer together by 1 / cos 26 deg at the edge.
@@ -53,15 +54,14 @@ pub(crate) fn add(
     let mut hands: Vec<Hand> = std::iter::repeat_with(Hand::new)
         .take(jobs.max(1))
         .collect();
-    let turn = TILES_PER_TURN * hands.len();
-    for (number, keys_now) in keys.chunks(turn).enumerate() {
-        if !proceed(number * turn, keys.len()) {
+    for (number, keys_now) in keys.chunks(TILES_PER_TURN).enumerate() {
+        if !proceed(number * TILES_PER_TURN, keys.len()) {
             return Ok(());
         }
         for block in source.blocks(keys_now, &mut hands)? {
             levels.scatter(&block);
         }
-        if let Some(next) = keys.get((number + 1) * turn) {
+        if let Some(next) = keys.get((number + 1) * TILES_PER_TURN) {
             levels.flush(next.south(), None)?;
             levels.flush(next.south() + TILE_SIDE, Some(next.west()))?;
         }
