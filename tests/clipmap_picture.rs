@@ -10,11 +10,13 @@
 
 mod clipmap_support;
 
-use clipmap_support::booth::{Booth, HEIGHT, WIDTH, camera, meets_earth, ray};
+use clipmap_support::booth::{Booth, HEIGHT, WIDTH, camera, meets_earth, ray, settings};
 use clipmap_support::support::is_emulated;
-use clipmap_support::{Dice, Land, cliffs, gpu, mountains, sea};
+use clipmap_support::{Dice, Formula, Land, cliffs, gpu, mountains, sea};
 use glam::DVec3;
 use glasswing::geo::{Camera, Geodetic};
+use glasswing::terrain::scene::Settings;
+use glasswing::units::Radians;
 use std::sync::Arc;
 
 /// A pose near a point: low or high, any attitude, above the ground by enough to keep 0.2 m (where the picture begins) from
@@ -53,7 +55,7 @@ fn no_pose_shows_a_hole() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut dice = Dice(7);
     for (vertices, formula, above_min_m) in [
-        (127, cliffs as clipmap_support::Formula, 60.0),
+        (127, cliffs as Formula, 60.0),
         (127, mountains, 1.0),
         (191, mountains, 1.0),
         (255, cliffs, 60.0),
@@ -246,6 +248,43 @@ fn the_sea_ends_where_the_ellipsoid_does() {
                 assert!(range.is_infinite(), "sea above the limb: {at} {camera:?}");
             }
         }
+    }
+}
+
+/// What is left out behind nearer ground changes no picture: at most the odd pixel on a side that two triangles share, which
+/// another order of drawing gives to the other one.
+#[test]
+fn what_is_left_out_behind_ridges_would_not_have_shown() {
+    let (gpu, _screen) = gpu(WIDTH, HEIGHT);
+    let mut dice = Dice(23);
+    for (formula, vertices) in [(mountains as Formula, 255), (cliffs, 127), (mountains, 63)] {
+        let mut lazy = Booth::new(&gpu, vertices, Arc::new(Land::new(1200, formula)));
+        let mut busy = Booth::with(
+            &gpu,
+            Settings {
+                leaves_out_hidden: false,
+                ..settings(vertices)
+            },
+            Arc::new(Land::new(1200, formula)),
+        );
+        let (mut left_out, mut all) = (0, 0);
+        for k in 0..poses(16) {
+            let near = [(-32.6, -70.3), (46.0, 8.0), (82.0, 30.0)][k % 3];
+            let mut camera = pose(&mut dice, &mut lazy, near, 2.0);
+            camera.attitude.pitch = Radians::from_degrees(dice.between(-25.0, 10.0));
+            left_out += lazy.settle(&camera).triangles;
+            all += busy.settle(&camera).triangles;
+            let (with, without) = (lazy.ranges(), busy.ranges());
+            let differ = |(a, b): (&f32, &f32)| {
+                a.is_finite() != b.is_finite() || (a - b).abs() > 1e-4 * a.min(*b)
+            };
+            let wrong = with.iter().zip(&without).filter(|&p| differ(p)).count();
+            assert!(
+                wrong <= 1,
+                "{wrong} pixels, {vertices} vertices, {camera:?}"
+            );
+        }
+        assert!(left_out < all, "{left_out} of {all} triangles");
     }
 }
 

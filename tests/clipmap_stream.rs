@@ -23,7 +23,7 @@ const TEXELS: usize = 128;
 fn settings() -> Settings {
     Settings {
         shape: Shape::new(127).expect("a legal shape"),
-        cell_pixels_min: 1.0,
+        ..Settings::default()
     }
 }
 

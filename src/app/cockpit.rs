@@ -8,11 +8,12 @@ use crate::app::error::{Failure, Kind};
 use crate::app::fly;
 use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::Size;
-use crate::app::vision::{Dress, Shown, Vision, VisionError};
+use crate::app::vision::{Dress, Shown, Vision};
 use crate::bus::input::Action;
 use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
 use crate::geo::{Camera, Geodetic};
 use crate::gl::look::Palette;
+use crate::gl::scenery::SceneryError;
 use crate::gl::target::Target;
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
@@ -92,6 +93,7 @@ impl Cockpit {
         let settings = Settings {
             shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
             cell_pixels_min: CELL_PIXELS_MIN,
+            ..Settings::default()
         };
         let vision = pack
             .map(|pack| Vision::new(gpu, settings, pack))
@@ -257,7 +259,7 @@ enum MakeError {
     #[error(transparent)]
     Gl(#[from] GlError),
     #[error(transparent)]
-    Vision(#[from] VisionError),
+    Scenery(#[from] SceneryError),
     #[error(transparent)]
     Instruments(#[from] InstrumentsError),
     #[error("no level has that many vertices")]

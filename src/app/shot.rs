@@ -9,10 +9,11 @@ use crate::app::picture::{Effort, Size, write_png};
 use crate::app::vision::Dress;
 use crate::display::{Config, Model, Terrain, Ui};
 use crate::geo::{Attitude, Camera, EYE_HEIGHT_M, Geodetic};
+use crate::gl::globe::ALONE_FROM;
 use crate::gl::look::{Look, Palette};
-use crate::gl::sky::SkyRenderer;
+use crate::gl::scenery::{Scenery, SceneryError};
 use crate::gl::target::Target;
-use crate::gl::terrain::{RANGE_CLEAR, TerrainError, TerrainRenderer};
+use crate::gl::terrain::RANGE_CLEAR;
 use crate::gl::{GlError, Gpu};
 use crate::sampled::Sampled;
 use crate::screen::{self, Screen};
@@ -289,8 +290,7 @@ struct Settled {
 #[derive(Debug)]
 struct Studio {
     gpu: Rc<Gpu>,
-    terrain: TerrainRenderer,
-    sky: SkyRenderer,
+    scenery: Scenery,
     instruments: Instruments,
     target: Target,
     size: Size,
@@ -301,7 +301,7 @@ enum StudioError {
     #[error(transparent)]
     Gl(#[from] GlError),
     #[error(transparent)]
-    Terrain(#[from] TerrainError),
+    Scenery(#[from] SceneryError),
     #[error(transparent)]
     Instruments(#[from] InstrumentsError),
 }
@@ -310,8 +310,7 @@ impl Studio {
     fn new(gpu: &Rc<Gpu>, pack: Pack, size: Size) -> Result<Self, StudioError> {
         Ok(Self {
             gpu: Rc::clone(gpu),
-            terrain: TerrainRenderer::new(gpu, Settings::default(), Arc::new(pack))?,
-            sky: SkyRenderer::new(gpu)?,
+            scenery: Scenery::new(gpu, Settings::default(), Arc::new(pack))?,
             instruments: Instruments::new(gpu, size)?,
             target: Target::offscreen(gpu, size.width_px, size.height_px, SAMPLES)?,
             size,
@@ -323,7 +322,7 @@ impl Studio {
         let begun = Monotonic::read();
         let (mut frames, mut uploads_texels, mut uploads_bytes) = (0, 0, 0);
         loop {
-            let figures = self.terrain.prepare(camera, QUOTA).map_err(|e| {
+            let figures = self.scenery.prepare(camera, QUOTA).map_err(|e| {
                 Failure::new(Kind::Usage, "--eye", e, "give finite numbers in range")
             })?;
             frames += 1;
@@ -365,7 +364,7 @@ impl Studio {
         self.draw(camera, args);
         self.gpu.finish();
         let begun = Monotonic::read();
-        let background = self.draw(camera, args);
+        let draw_calls = self.draw(camera, args);
         self.gpu.finish();
         let frame = Monotonic::read().since(begun).unwrap_or_default();
         let mut pixels = vec![0; self.size.width_px as usize * self.size.height_px as usize * 4];
@@ -378,7 +377,7 @@ impl Studio {
             &mut Vec::new(),
         )?;
         if let Some(path) = &args.range {
-            let ranges = self.ranges().map_err(|e| gpu_failure(&e))?;
+            let ranges = self.ranges(camera).map_err(|e| gpu_failure(&e))?;
             write_pfm(path, self.size, &ranges)?;
         }
         self.gpu
@@ -388,7 +387,7 @@ impl Studio {
         let damage = figures.damage;
         Ok(Report {
             triangles: figures.triangles,
-            draw_calls: self.terrain.draw_calls() + background,
+            draw_calls,
             levels: figures
                 .levels
                 .map_or(0, |(finest, coarsest)| usize::from(coarsest - finest) + 1),
@@ -407,7 +406,7 @@ impl Studio {
         })
     }
 
-    /// Draws what has been settled. Returns the draw calls beside the terrain's.
+    /// Draws what has been settled. Returns the draw calls.
     fn draw(&mut self, camera: &Camera, args: &ShotArgs) -> usize {
         self.target.bind();
         self.gpu.clear(FLAT_SKY);
@@ -422,21 +421,28 @@ impl Studio {
         let mut look = dress.look(camera, None);
         if args.terrain_only {
             look.haze_m = Look::BARE.haze_m;
-            self.terrain.draw(&look);
-            return 0;
+            return self.scenery.draw(camera, &look, false);
         }
-        self.terrain.draw(&look);
-        self.sky.draw(camera, look.palette);
+        let draw_calls = self.scenery.draw(camera, &look, true);
         self.instruments.draw();
-        2
+        draw_calls + 1
     }
 
-    /// Distances from the eye, metres, rows from the top; +infinity for sky.
-    fn ranges(&self) -> Result<Vec<f32>, GlError> {
+    /// Distances from the eye, metres, rows from the top; +infinity for sky. Where the Earth is in one piece these are of
+    /// the ellipsoid.
+    #[expect(clippy::cast_possible_truncation, reason = "a PFM holds f32")]
+    fn ranges(&self, camera: &Camera) -> Result<Vec<f32>, GlError> {
+        if camera.eye.height_ellipsoid >= ALONE_FROM {
+            let rows = (0..self.size.height_px).flat_map(|y| {
+                (0..self.size.width_px).map(move |x| (f64::from(x) + 0.5, f64::from(y) + 0.5))
+            });
+            let range = |(x, y)| camera.ellipsoid_range_m(x, y).unwrap_or(f64::INFINITY) as f32;
+            return Ok(rows.map(range).collect());
+        }
         let target = Target::offscreen(&self.gpu, self.size.width_px, self.size.height_px, 0)?;
         target.bind();
         self.gpu.clear(RANGE_CLEAR);
-        self.terrain.draw_range();
+        self.scenery.terrain().draw_range();
         let mut bytes = vec![0; self.size.width_px as usize * self.size.height_px as usize * 4];
         target.read_rgba(&mut bytes);
         Ok(bytes

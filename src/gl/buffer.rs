@@ -234,7 +234,7 @@ pub struct Attribute {
     /// How they are stored.
     pub scalar: Scalar,
     /// Where the first one begins, in bytes from the start of the vertex.
-    pub offset_bytes: u16,
+    pub offset_bytes: u32,
 }
 
 /// What consecutive vertices make.
@@ -325,7 +325,7 @@ impl VertexArray {
         unsafe {
             gl.bind_buffer(glow::ARRAY_BUFFER, Some(vertices.id));
             for a in attributes {
-                let (size, offset) = (i32::from(a.components), i32::from(a.offset_bytes));
+                let (size, offset) = (i32::from(a.components), gl_i32(a.offset_bytes));
                 let (kind, unit, integer) = match a.scalar {
                     Scalar::F32 => (glow::FLOAT, false, false),
                     Scalar::U8Unit => (glow::UNSIGNED_BYTE, true, false),

@@ -374,7 +374,7 @@ impl TerrainRenderer {
             location: 1,
             components: 4,
             scalar: Scalar::U16Int,
-            offset_bytes: u16::try_from(first).unwrap_or(0),
+            offset_bytes: texel(first),
         };
         array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
         array

@@ -22,7 +22,7 @@ const ATTRIBUTES: [Attribute; 5] = [
     attribute(4, 1, Scalar::U32Int, 36),
 ];
 
-const fn attribute(location: u32, components: u8, scalar: Scalar, offset_bytes: u16) -> Attribute {
+const fn attribute(location: u32, components: u8, scalar: Scalar, offset_bytes: u32) -> Attribute {
     Attribute {
         location,
         components,

@@ -13,7 +13,7 @@ use bytemuck::{Pod, Zeroable};
 
 /// Most blocks a level can need: 15 by 15 without a hole. With a hole no more than that, plus a row and a column in each of
 /// the four bands that the hole's sides cut.
-pub const BLOCKS_MAX: usize = 320;
+pub const BLOCKS_MAX: usize = 960;
 
 /// One block: an instance of the pattern. Cells counted from the window's origin.
 #[repr(C)]

@@ -33,13 +33,16 @@ const MORPH_SHARE: f64 = 0.15;
 /// the horizon of 20 km and the highest mountains behind it end at 79 degrees.
 const LATITUDE_MAX_DEG: f64 = 85.0;
 
+/// Blocks are not longer than this, in cells: see [`Shape::block_cells`].
+const BLOCK_CELLS_MAX: i32 = 17;
+
 /// How many vertices a level has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape(u16);
 
 impl Shape {
-    /// 239 vertices a side.
-    pub const DEFAULT: Self = Self(239);
+    /// 319 vertices a side.
+    pub const DEFAULT: Self = Self(319);
 
     /// A level of `vertices` a side: 63 to [`LEVEL_VERTICES_MAX`], one less than a multiple of 16, so that blocks and the
     /// edges of nested windows fit. `None` for any other number.
@@ -80,7 +83,12 @@ impl Shape {
     /// more triangles (the frustum cuts coarser), blocks of half of it a sixth more vertices (more of them are shared).
     #[must_use]
     pub const fn block_cells(self) -> i32 {
-        (self.0 as i32 + 1) / 16 + 1
+        let wide = (self.0 as i32 + 1) / 16 + 1;
+        if wide < BLOCK_CELLS_MAX {
+            wide
+        } else {
+            BLOCK_CELLS_MAX
+        }
     }
 
     /// A window that is farther than this from where it should be, in posts, is filled anew instead of moved. Less than half

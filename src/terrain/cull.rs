@@ -10,6 +10,7 @@ use glam::{DMat3, DVec3};
 pub struct Bound {
     centre: DVec3,
     radius_m: f64,
+    height_min_m: f64,
     height_max_m: f64,
     /// At the lowest height, then at the greatest.
     corners: [DVec3; 8],
@@ -71,10 +72,41 @@ impl Bound {
         Self {
             centre,
             radius_m: radius_m * 1.01 + 1.0,
+            height_min_m: low,
             height_max_m: high,
             corners,
             bulge_m: across_m * across_m / (4.0 * WGS84_B_M) + 1.0,
         }
+    }
+
+    /// The middle of the sphere around it.
+    #[must_use]
+    pub const fn centre(&self) -> DVec3 {
+        self.centre
+    }
+
+    /// The radius of the sphere around it.
+    #[must_use]
+    pub const fn radius_m(&self) -> f64 {
+        self.radius_m
+    }
+
+    /// Its corners: south-west, south-east, north-west and north-east at the lowest height, then at the greatest.
+    #[must_use]
+    pub const fn corners(&self) -> &[DVec3; 8] {
+        &self.corners
+    }
+
+    /// How far it can bulge beyond its corners, metres.
+    #[must_use]
+    pub const fn bulge_m(&self) -> f64 {
+        self.bulge_m
+    }
+
+    /// Its lowest and greatest height above the ellipsoid, metres.
+    #[must_use]
+    pub const fn heights_m(&self) -> (f64, f64) {
+        (self.height_min_m, self.height_max_m)
     }
 }
 

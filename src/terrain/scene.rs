@@ -6,11 +6,11 @@
 //! slice spends its bits on one level's distances. Sides of constant latitude bulge towards the pole against a line of
 //! sight, by 6 cells for a level-5 window at 60 degrees: far below what shows. In a cap they are straighter.
 
-use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
-use super::clipmap::{self, CellRect, Morph, Shape, View, Window};
-use super::cull::{Bound, Patch, Span, Viewer};
+use super::blocks::BLOCKS_MAX;
+use super::clipmap::{self, Morph, Shape, View, Window};
 use super::grid::Grid;
 use super::partition::Partition;
+use super::rings::{Ground, Rings};
 use super::stream::{NoTerrain, Sink, Streamer, Uploads};
 use super::surface::TileSource;
 use super::tables::{Anchor, AnchorPost, HeightCode};
@@ -25,9 +25,6 @@ use std::sync::Arc;
 
 pub use super::plan::{FrameFigures, LevelPlan, Plan};
 
-/// Nothing is drawn nearer to the eye, metres.
-const NEAR_MIN_M: f64 = 0.2;
-
 /// Heights reach at most this far above the highest and below the lowest of a pack (geoid undulations, rounding), metres.
 const HEIGHT_MARGIN_M: f64 = 120.0;
 
@@ -38,15 +35,18 @@ pub struct Settings {
     pub shape: Shape,
     /// A level finer than this many pixels a cell everywhere is not drawn.
     pub cell_pixels_min: f64,
+    /// Whether blocks behind nearer ground are left out. Makes no difference to a picture; off to show that.
+    pub leaves_out_hidden: bool,
 }
 
 impl Default for Settings {
-    /// 239 vertices, the most that stays below 120 000 triangles on the benchmark view of the Andes; cells down to one
+    /// 319 vertices, the most that stays below 120 000 triangles on the benchmark view of the Andes; cells down to one
     /// pixel.
     fn default() -> Self {
         Self {
             shape: Shape::DEFAULT,
             cell_pixels_min: 1.0,
+            leaves_out_hidden: true,
         }
     }
 }
@@ -55,15 +55,6 @@ impl Default for Settings {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the camera is no camera: a position, attitude or size is not a usable number")]
 pub struct BadCamera;
-
-/// A level's uncut blocks with their bounds, kept while windows stand still.
-#[derive(Debug, Default)]
-struct Ring {
-    key: Option<(Window, Option<CellRect>)>,
-    version: u32,
-    blocks: Blocks,
-    bounds: ArrayVec<Bound, BLOCKS_MAX>,
-}
 
 /// See the module.
 #[derive(Debug)]
@@ -80,7 +71,7 @@ pub struct Scene {
     latitude_deg: f64,
     eye_posts: (f64, f64),
     anchor: Option<Anchor>,
-    rings: Vec<Ring>,
+    rings: Rings,
     tabled: ArrayVec<(u8, Window), LEVELS_MAX>,
     plan: Plan,
     figures: FrameFigures,
@@ -114,9 +105,7 @@ impl Scene {
             latitude_deg: 0.0,
             eye_posts: (0.0, 0.0),
             anchor: None,
-            rings: std::iter::repeat_with(Ring::default)
-                .take(usize::from(levels))
-                .collect(),
+            rings: Rings::new(levels),
             tabled: ArrayVec::new(),
             plan: Plan {
                 levels: ArrayVec::new(),
@@ -151,7 +140,6 @@ impl Scene {
         self.stream(camera, quota, sink);
         self.anchor();
         self.fill_tables();
-        self.lay_rings();
         self.cut(camera);
         self.project(camera);
         self.figures.triangles = self.plan.triangles;
@@ -386,77 +374,34 @@ impl Scene {
         }
     }
 
-    /// Cuts each level's ring into blocks and bounds them, where anything has changed.
-    fn lay_rings(&mut self) {
-        let shape = self.settings.shape;
-        let place = (self.partition, self.grid, self.heights);
-        let mut finer: Option<Window> = None;
-        for plan in &self.plan.levels {
-            let hole = finer.and_then(|w| clipmap::hole(shape, plan.window, &plan.morph, w));
-            finer = Some(plan.window);
-            let ring_of = &mut self.rings[usize::from(plan.level)];
-            let key = Some((plan.window, hole));
-            let version = self.streamer.version(plan.level);
-            if ring_of.key == key && ring_of.version == version {
-                continue;
-            }
-            let rows = match self.partition {
-                Partition::Geographic => {
-                    let limit = clipmap::row_limit(self.grid, self.levels, plan.level);
-                    (
-                        (-limit - plan.window.j).max(0),
-                        (limit - plan.window.j).min(shape.cells()),
-                    )
-                }
-                Partition::North | Partition::South => (0, shape.cells()),
-            };
-            if ring_of.key != key && !ring(shape, hole, rows, &mut ring_of.blocks) {
-                debug_assert!(false, "a ring of more than {BLOCKS_MAX} blocks");
-            }
-            ring_of.key = key;
-            ring_of.version = version;
-            ring_of.bounds.clear();
-            for block in &ring_of.blocks {
-                let bound = bound(place, &self.streamer, plan, *block);
-                ring_of.bounds.push(bound);
-            }
-        }
-    }
-
-    /// Keeps the blocks that the camera can see, and gives each level its slice of depth.
+    /// Chooses what is drawn of the levels.
     fn cut(&mut self, camera: &Camera) {
-        let viewer = Viewer::new(camera, self.height_min_m);
-        let f = camera.focal_px();
-        let (w, h) = (f64::from(camera.width_px), f64::from(camera.height_px));
-        // A distance along a ray is at least this much of it along the optical axis.
-        let along = f / (f * f + (w * w + h * h) / 4.0).sqrt();
-        self.plan.blocks.clear();
-        self.plan.triangles = 0;
-        let coarser = self.plan.levels.len().saturating_sub(1).max(1);
-        for (at, plan) in self.plan.levels.iter_mut().enumerate() {
-            let ring = &self.rings[usize::from(plan.level)];
-            let first = self.plan.blocks.len();
-            let mut all: Option<Span> = None;
-            for (block, bound) in ring.blocks.iter().zip(&ring.bounds) {
-                let Some(span) = viewer.sees(bound) else {
-                    continue;
-                };
-                self.plan.blocks.push(*block);
-                self.plan.triangles += 2 * usize::from(block.width) * usize::from(block.height);
-                let so_far = all.unwrap_or(span);
-                all = Some(Span {
-                    near_m: so_far.near_m.min(span.near_m),
-                    far_m: so_far.far_m.max(span.far_m),
-                });
-            }
-            plan.blocks = (first, self.plan.blocks.len() - first);
-            let span = all.unwrap_or(Span {
-                near_m: 1.0,
-                far_m: 2.0,
-            });
-            plan.depth = depth(along * span.near_m, span.far_m);
-            plan.slice = slice(at, coarser);
-        }
+        let hides = self.settings.leaves_out_hidden;
+        let is_above_ground = self.plan.levels.first().is_some_and(|finest| {
+            let scale = f64::from(1_u32 << finest.level);
+            let (x, y) = (self.eye_posts.0 / scale, self.eye_posts.1 / scale);
+            self.streamer
+                .ground_code(finest.level, x, y)
+                .is_ok_and(|code| {
+                    camera.eye.height_ellipsoid.0 > self.heights.base_m + code * self.heights.unit_m
+                })
+        });
+        let ground = Ground {
+            partition: self.partition,
+            grid: self.grid,
+            levels: self.levels,
+            heights: self.heights,
+            shape: self.settings.shape,
+            streamer: &self.streamer,
+        };
+        self.rings.lay(&ground, &self.plan.levels);
+        self.rings.cut(
+            &ground,
+            camera,
+            self.height_min_m,
+            hides && is_above_ground,
+            &mut self.plan,
+        );
     }
 
     /// The projection, and the anchor as the shader needs it.
@@ -506,53 +451,4 @@ impl Scene {
             damage: self.streamer.damage(),
         };
     }
-}
-
-/// Around a block, from the extremes of its heights.
-fn bound(
-    (partition, grid, heights): (Partition, Grid, HeightCode),
-    streamer: &Streamer,
-    plan: &LevelPlan,
-    block: Block,
-) -> Bound {
-    let (west, south) = (
-        plan.window.i + i32::from(block.x),
-        plan.window.j + i32::from(block.y),
-    );
-    let (width, height) = (i32::from(block.width), i32::from(block.height));
-    let (low, high) = streamer.extremes(plan.level, (west, south), (width, height));
-    Bound::of(&Patch {
-        partition,
-        south_deg: grid.latitude_deg(plan.level, south),
-        west_deg: grid.longitude_deg(plan.level, west),
-        north_deg: grid.latitude_deg(plan.level, south + height),
-        east_deg: grid.longitude_deg(plan.level, west + width),
-        height_min_m: heights.decode(low),
-        height_max_m: heights.decode(high),
-    })
-}
-
-/// Clip z = k w + c between a near and a far distance along the optical axis, metres.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "f64 until here: these are the numbers the shader is given"
-)]
-fn depth(near_m: f64, far_m: f64) -> (f32, f32) {
-    let near = near_m.max(NEAR_MIN_M);
-    let far = (far_m * 1.001 + 1.0).max(near * 1.01);
-    (
-        ((far + near) / (far - near)) as f32,
-        (-2.0 * far * near / (far - near)) as f32,
-    )
-}
-
-/// The slice of the depth buffer of the `at`-th level drawn: the nearer half for the first, the rest shared equally.
-#[expect(clippy::cast_precision_loss, reason = "at most twelve levels")]
-fn slice(at: usize, coarser: usize) -> (f32, f32) {
-    if at == 0 {
-        return (0.0, 0.5);
-    }
-    let each = 0.5 / coarser as f32;
-    let near = 0.5 + (at - 1) as f32 * each;
-    (near, near + each)
 }

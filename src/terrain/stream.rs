@@ -225,6 +225,28 @@ impl Streamer {
         level.heights.get(self.texel(i, j)).map(|h| h[0])
     }
 
+    /// The lowest height code at which a post of a resident window is drawn, whatever the blend: own or coarser.
+    #[must_use]
+    pub fn floor_code(&self, level: u8, i: i32, j: i32) -> u16 {
+        let [own, coarser] = self.levels[usize::from(level)].heights[self.texel(i, j)];
+        own.min(coarser)
+    }
+
+    /// The greatest height code at which a post of a rectangle of a resident window is drawn, whatever the blend. `from` and
+    /// `to`: its south-western and north-eastern posts.
+    #[must_use]
+    pub fn top_code(&self, level: u8, from: (i32, i32), to: (i32, i32)) -> u16 {
+        let heights = &self.levels[usize::from(level)].heights;
+        let mut top = 0;
+        for j in from.1..=to.1 {
+            for i in from.0..=to.0 {
+                let [own, coarser] = heights[self.texel(i, j)];
+                top = top.max(own).max(coarser);
+            }
+        }
+        top
+    }
+
     /// Height code of the ground at a post position of a resident level, as its triangles lie, without the blend.
     ///
     /// # Errors

@@ -266,7 +266,8 @@ mod tests {
     ) -> [f32; 3] {
         let across = [c0 * col[0] + row[0] * col[2], c0 * col[1] + row[0] * col[3]];
         let up = [row[2] * col[2], row[2] * col[3]];
-        if bulge == [0.0; 4] {
+        let is_geographic = bulge[2] <= 0.0;
+        if is_geographic {
             return [
                 o[0] + across[0] + rise * up[0],
                 o[1] + across[1] + rise * up[1],

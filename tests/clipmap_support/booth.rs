@@ -20,6 +20,13 @@ pub(crate) const HEIGHT: u32 = 96;
 /// No terrain has this colour.
 const BACKGROUND: [u8; 4] = [255, 0, 255, 255];
 
+pub(crate) fn settings(vertices: u32) -> Settings {
+    Settings {
+        shape: Shape::new(vertices).expect("a legal shape"),
+        ..Settings::default()
+    }
+}
+
 #[derive(Debug)]
 pub(crate) struct Booth {
     pub(crate) gpu: Rc<Gpu>,
@@ -30,10 +37,10 @@ pub(crate) struct Booth {
 
 impl Booth {
     pub(crate) fn new<S: TileSource>(gpu: &Rc<Gpu>, vertices: u32, land: Arc<S>) -> Self {
-        let settings = Settings {
-            shape: Shape::new(vertices).expect("a legal shape"),
-            ..Settings::default()
-        };
+        Self::with(gpu, settings(vertices), land)
+    }
+
+    pub(crate) fn with<S: TileSource>(gpu: &Rc<Gpu>, settings: Settings, land: Arc<S>) -> Self {
         Self {
             gpu: Rc::clone(gpu),
             terrain: TerrainRenderer::new(gpu, settings, land).expect("a renderer"),

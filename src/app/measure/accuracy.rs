@@ -9,7 +9,7 @@ use crate::app::measure::{Progress, position};
 use crate::geo::Camera;
 use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
-use crate::terrain::partition::Partition;
+use crate::terrain::partition::{Partition, SEAM_HYSTERESIS_DEG, SEAM_LATITUDE_DEG};
 use crate::terrain::planet::{Kind, Planet};
 use crate::terrain::surface::{Damage, Sampler, TileSource};
 use crate::terrain::tables::HeightCode;
@@ -191,18 +191,19 @@ fn of_source<S: TileSource>(
         ));
     }
     if source.has(Partition::North) {
-        let across = |from_deg| Path {
-            from_deg,
+        // The parallel is passed in the middle of the flight.
+        let half_deg = 100.0 * effort.seconds / 4.0 / 111_320.0;
+        let across = |(lat, lon)| Path {
+            from_deg: (lat - half_deg, lon),
             heading_deg: 0.0,
             speed_mps: 100.0,
             above_m: 300.0,
             view,
         };
-        paths.push(("across 45 N", across((44.99, 7.0)), effort.seconds / 2.0));
-        // The partition changes 0.25 degrees past the seam.
+        paths.push(("across 45 N", across((45.0, 7.0)), effort.seconds / 2.0));
         paths.push((
             "across the seam at 70 N",
-            across((70.24, 20.0)),
+            across((SEAM_LATITUDE_DEG + SEAM_HYSTERESIS_DEG, 20.0)),
             effort.seconds / 2.0,
         ));
     }

@@ -117,6 +117,12 @@ impl Bench {
         })
     }
 
+    /// The shape of its levels.
+    #[must_use]
+    pub const fn shape(&self) -> Shape {
+        self.shape
+    }
+
     /// The partition that the planned view is drawn in.
     #[must_use]
     pub fn partition(&self) -> Option<Partition> {

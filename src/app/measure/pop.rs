@@ -150,7 +150,13 @@ pub fn fly(
         reason = "some thousand frames"
     )]
     let frames = (seconds * RATE_HZ) as u32;
-    bench.settle(&path.camera(field, 0))?;
+    // Come from the south in steps that are no leaps: the partition is then the one that a flight would bring along.
+    for steps in (0..5).rev() {
+        let mut before = path.camera(field, 0);
+        before.eye.latitude.0 -= (0.08 * f64::from(steps)).to_radians();
+        before.eye.height_ellipsoid.0 += 9000.0 * f64::from(u8::from(steps > 0));
+        bench.settle(&before)?;
+    }
     let mut out = Pops {
         points: points.all().len(),
         ..Pops::default()

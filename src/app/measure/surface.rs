@@ -5,6 +5,9 @@
 //!   longitude, times focal length over distance. Pixels nearer than three posts are kept apart (`near`): there, a triangle
 //!   and a bilinear patch through the same posts differ by more than what is measured. Left out is what rests on posts
 //!   that were never measured.
+//!   `finest_px` is the same against the triangles of the finest posts, with diagonals as drawn: what is left when nothing
+//!   coarser is drawn and the choice of a triangle instead of a bilinear patch is taken away. Where the source's data ends
+//!   within a cell or two of what is drawn, the cliff to the sea level beyond is in it: apart too (`edge`).
 //! - `range_m`: distance drawn less distance cast, where both meet ground and their difference is no more than a hundredth of
 //!   it (beyond that the two see different hills: counted as `other_hill`).
 //! - `skyline_px`: in each column, the row of the highest pixel that shows ground, drawn less cast.
@@ -72,6 +75,12 @@ pub struct Surface {
     pub surf_px: Spread,
     /// The same nearer than three posts.
     pub near_px: Spread,
+    /// The same against the triangles of the finest posts.
+    pub finest_px: Spread,
+    /// Errors of height where the data ends nearby.
+    pub edge_px: Spread,
+    /// Where the greatest of `surf_px` is: column and row, and distance in metres.
+    pub worst: (usize, usize, f64),
     /// Errors of distance, metres.
     pub range_m: Spread,
     /// Pixels where drawn and cast see different hills.
@@ -96,6 +105,9 @@ impl Surface {
         json!({
             "surf_px": self.surf_px.report(),
             "surf_near_px": self.near_px.report(),
+            "surf_finest_px": self.finest_px.report(),
+            "surf_edge_px": self.edge_px.report(),
+            "surf_worst": {"column": self.worst.0, "row": self.worst.1, "distance_m": self.worst.2},
             "range_m": self.range_m.report(),
             "other_hill_pixels": self.other_hill,
             "mismatch_pixels": self.mismatches,
@@ -113,7 +125,8 @@ pub fn measure(bench: &mut Bench, field: &Field, camera: &Camera) -> Result<Surf
     let drawn = bench.ranges(camera)?;
     let cast = cast_all(field, camera);
     let mut out = Surface::default();
-    heights(field, camera, &drawn, &mut out);
+    let half_cells = f64::from(bench.shape().cells()) / 2.0;
+    heights(field, camera, half_cells, &drawn, &mut out);
     let (mut ranges, mut other, mut mismatches) = (Vec::new(), 0, 0);
     for (&d, &c) in drawn.iter().zip(&cast) {
         let d = f64::from(d);
@@ -142,11 +155,13 @@ pub fn field<S: TileSource>(source: &S, partition: Partition, camera: &Camera) -
     Field::load(source, partition, &camera.eye, REACH_M)
 }
 
-fn heights(field: &Field, camera: &Camera, drawn: &[f32], out: &mut Surface) {
+fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: &mut Surface) {
     let eye = camera.eye.to_ecef();
     let f = camera.focal_px();
-    let near_m = NEAR_POSTS * field.spacing_m();
-    let (mut far, mut near) = (Vec::new(), Vec::new());
+    let (spacing_m, width) = (field.spacing_m(), camera.width_px as usize);
+    let (mut far, mut near, mut finest, mut edge) =
+        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut worst = 0.0;
     for (at, &range) in drawn.iter().enumerate() {
         let range = f64::from(range);
         if !range.is_finite() {
@@ -156,10 +171,36 @@ fn heights(field: &Field, camera: &Camera, drawn: &[f32], out: &mut Surface) {
         let Some(ground) = field.ground(&hit).filter(|g| g.measured) else {
             continue;
         };
-        let error_px = (hit.height_ellipsoid.0 - ground.height_m).abs() * f / range;
-        if range < near_m { &mut near } else { &mut far }.push(error_px);
+        let px = |height_m: f64| (hit.height_ellipsoid.0 - height_m).abs() * f / range;
+        let error_px = px(ground.height_m);
+        // The cells drawn at this distance, in finest posts: a level reaches its half-width, the next one twice as far.
+        let cell = 2.5 * range / spacing_m / half_cells + 2.0;
+        if !field.measured_around(&hit, whole(cell)) {
+            edge.push(error_px);
+            continue;
+        }
+        finest.push(px(ground.triangle_m));
+        if range < NEAR_POSTS * spacing_m {
+            near.push(error_px);
+            continue;
+        }
+        far.push(error_px);
+        if error_px > worst {
+            worst = error_px;
+            out.worst = (at % width, at / width, range);
+        }
     }
     (out.surf_px, out.near_px) = (Spread::of(far), Spread::of(near));
+    (out.finest_px, out.edge_px) = (Spread::of(finest), Spread::of(edge));
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a few hundred posts"
+)]
+fn whole(v: f64) -> usize {
+    v as usize
 }
 
 /// The direction through the centre of a pixel, Earth-centred.

@@ -76,13 +76,13 @@ pub fn accuracy(value: &Value) -> String {
 fn surfaces(out: &mut String, scenes: &[Value]) {
     let _ = writeln!(
         out,
-        "  {:38} triangles surf px rms    p99    max  skyline mean    max  mismatch  summit low m",
+        "  {:38} triangles surf px rms    p99    max  skyline mean    max  mismatch  summit low m     px",
         ""
     );
     for s in scenes {
         let _ = writeln!(
             out,
-            "  {:38} {:9} {:11.3} {:6.2} {:6.2} {:13.3} {:6.1} {:9} {:13.1}",
+            "  {:38} {:9} {:11.3} {:6.2} {:6.2} {:13.3} {:6.1} {:9} {:13.1} {:6.2}",
             text(s, "name"),
             number(s, &["triangles"]),
             number(s, &["surf_px", "rms"]),
@@ -92,6 +92,7 @@ fn surfaces(out: &mut String, scenes: &[Value]) {
             number(s, &["skyline_px", "max"]),
             number(s, &["mismatch_pixels"]),
             number(s, &["summits", "low_m_max"]),
+            number(s, &["summits", "low_px_max"]),
         );
     }
 }
