@@ -113,7 +113,6 @@ impl Scene {
                 tables: vec![[0.0; 4]; 2 * usize::from(levels) * settings.shape.texels()],
                 tables_version: 0,
                 origin_m: [0.0; 3],
-                axis_distance_m: 0.0,
                 bulge: [0.0; 4],
                 anchor_code: 0,
                 projection: [[0.0; 3]; 3],
@@ -439,9 +438,8 @@ impl Scene {
         ];
         if let Some(anchor) = &self.anchor {
             self.plan.origin_m = row(anchor.ecef() - camera.eye.to_ecef());
-            self.plan.axis_distance_m = anchor.axis_distance_m() as f32;
             self.plan.bulge = anchor.bulge().map(|v| v as f32);
-            self.plan.anchor_code = i32::from(anchor.post().code);
+            self.plan.anchor_code = anchor.post().code;
         }
     }
 
