@@ -61,7 +61,9 @@ vec3 ground(vec4 s, float height, float path, vec2 lines) {
     colour = s.w > 0.75 ? mix(vec3(0.10, 0.05, 0.12), vec3(0.42, 0.16, 0.50), stripe) : colour;
 #ifdef GRID
     // A line is 1.5 pixels wide wherever it runs; where lines come closer than 12 pixels, they fade before they merge.
-    vec2 pixel = max(fwidth(lines), 1e-7);
+    vec2 across = dFdx(lines);
+    vec2 up_screen = dFdy(lines);
+    vec2 pixel = max(sqrt(across * across + up_screen * up_screen), 1e-7);
     vec2 away = abs(fract(lines - 0.5) - 0.5) / pixel;
     vec2 line = clamp(1.25 - away, 0.0, 1.0) * clamp(1.5 - 12.0 * pixel, 0.0, 1.0);
     colour = mix(colour, ink.rgb, ink.a * max(line.x, line.y));

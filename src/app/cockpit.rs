@@ -8,11 +8,12 @@ use crate::app::error::{Failure, Kind};
 use crate::app::fly;
 use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::Size;
-use crate::app::vision::{Dress, Shown, Vision, VisionError};
+use crate::app::vision::{Dress, Shown, Vision};
 use crate::bus::input::Action;
 use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
 use crate::geo::{Camera, Geodetic};
 use crate::gl::look::Palette;
+use crate::gl::scenery::SceneryError;
 use crate::gl::target::Target;
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
@@ -258,7 +259,7 @@ enum MakeError {
     #[error(transparent)]
     Gl(#[from] GlError),
     #[error(transparent)]
-    Vision(#[from] VisionError),
+    Scenery(#[from] SceneryError),
     #[error(transparent)]
     Instruments(#[from] InstrumentsError),
     #[error("no level has that many vertices")]

@@ -18,6 +18,7 @@ pub mod codec;
 pub mod cull;
 pub mod geoid;
 pub mod geotiff;
+pub mod globe;
 pub mod grid;
 pub mod height;
 pub mod hgt;
