@@ -52,7 +52,8 @@ pub struct ShotArgs {
     /// The terrain pack to draw
     #[arg(long, value_name = "PACK")]
     pub pack: PathBuf,
-    /// Where the eye is: degrees north, degrees east, metres above the WGS 84 ellipsoid
+    /// Where the eye is: degrees north, degrees east, metres above the WGS 84 ellipsoid, up to 25 000 km. From 20 to 30 km
+    /// the Earth in one piece takes over from the near terrain; above 30 km there are no instruments
     #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true)]
     pub eye: Triple,
     /// How it looks: degrees clockwise from true north, pitch up, roll right wing down
@@ -169,6 +170,8 @@ pub fn run(args: ShotArgs) -> Result<(), Failure> {
     let screen = open(args.backend, args.size)?;
     let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gpu_failure(&e))?;
     let mut studio = Studio::new(&gpu, pack, args.size).map_err(|e| gpu_failure(&e))?;
+    // From where an instrument would have to say that it has no height, the view goes without.
+    studio.has_instruments = model.svs.is_ok();
     studio.instruments.list(&model);
     let settled = studio.settle(&camera)?;
     let report = studio.picture(&camera, &args, settled)?;
@@ -292,6 +295,7 @@ struct Studio {
     gpu: Rc<Gpu>,
     scenery: Scenery,
     instruments: Instruments,
+    has_instruments: bool,
     target: Target,
     size: Size,
 }
@@ -312,6 +316,7 @@ impl Studio {
             gpu: Rc::clone(gpu),
             scenery: Scenery::new(gpu, Settings::default(), Arc::new(pack))?,
             instruments: Instruments::new(gpu, size)?,
+            has_instruments: true,
             target: Target::offscreen(gpu, size.width_px, size.height_px, SAMPLES)?,
             size,
         })
@@ -424,8 +429,10 @@ impl Studio {
             return self.scenery.draw(camera, &look, false);
         }
         let draw_calls = self.scenery.draw(camera, &look, true);
-        self.instruments.draw();
-        draw_calls + 1
+        if self.has_instruments {
+            self.instruments.draw();
+        }
+        draw_calls + usize::from(self.has_instruments)
     }
 
     /// Distances from the eye, metres, rows from the top; +infinity for sky. Where the Earth is in one piece these are of

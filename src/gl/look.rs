@@ -52,7 +52,7 @@ impl Palette {
     /// Colour and opacity of the grid's lines, before brightness.
     const fn ink(self) -> [f32; 4] {
         match self {
-            Self::Day => [0.04, 0.05, 0.08, 0.50],
+            Self::Day => [0.04, 0.05, 0.08, 0.65],
             Self::Night => [1.0, 1.0, 1.0, 0.45],
         }
     }

@@ -50,7 +50,7 @@ pub struct TerrainRenderer {
     gpu: Rc<Gpu>,
     world: World,
     /// One for each scene.
-    textures: ArrayVec<LevelTextures, 3>,
+    textures: ArrayVec<LevelTextures, 2>,
     tables: [Texture; TABLES],
     table: usize,
     /// Scene and version of the tables last written.

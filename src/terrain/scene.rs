@@ -91,7 +91,7 @@ impl Scene {
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
-        let worker = Worker::start(source, partition, settings.shape, heights)?;
+        let worker = Worker::start(source, settings.shape, heights)?;
         Ok(Self {
             partition,
             settings,
@@ -100,7 +100,7 @@ impl Scene {
             heights,
             height_min_m: low.min(0.0) - HEIGHT_MARGIN_M,
             height_max_m: high.max(0.0) + HEIGHT_MARGIN_M,
-            streamer: Streamer::new(settings.shape, levels, worker),
+            streamer: Streamer::new(partition, settings.shape, levels, worker),
             longitude_deg: None,
             latitude_deg: 0.0,
             eye_posts: (0.0, 0.0),
@@ -143,6 +143,19 @@ impl Scene {
         self.project(camera);
         self.figures.triangles = self.plan.triangles;
         Ok(())
+    }
+
+    /// Goes over to another partition, if it is another, with nothing resident.
+    pub(super) fn enter(&mut self, partition: Partition) {
+        if self.partition == partition {
+            return;
+        }
+        self.partition = partition;
+        self.streamer.enter(partition);
+        self.longitude_deg = None;
+        self.anchor = None;
+        self.figures = FrameFigures::default();
+        self.clear();
     }
 
     /// Streams at most `quota` texels to `sink` for a frame that is not drawn from here: [`Self::figures`] are of what could
