@@ -218,6 +218,18 @@ impl Camera {
         );
         (self.eye_to_ecef() * d).normalize()
     }
+
+    /// Distance from the eye along [`Self::ray_ecef`] to the WGS 84 ellipsoid, metres; `None` where the ray misses it, or
+    /// the eye is inside.
+    #[must_use]
+    pub fn ellipsoid_range_m(&self, x: f64, y: f64) -> Option<f64> {
+        let axes = DVec3::new(WGS84_A_M, WGS84_A_M, WGS84_B_M);
+        let (o, d) = (self.eye.to_ecef() / axes, self.ray_ecef(x, y) / axes);
+        let (a, b, c) = (d.dot(d), o.dot(d), o.dot(o) - 1.0);
+        let chord = b * b - a * c;
+        // The nearer of the two roots, as a quotient of two sums of numbers of one sign.
+        (chord >= 0.0 && b < 0.0 && c >= 0.0).then(|| c / (chord.sqrt() - b))
+    }
 }
 
 #[cfg(test)]
@@ -330,6 +342,35 @@ mod tests {
                 at != 6,
                 "input {at}: a denormal number is 0 but for a field of view"
             );
+        }
+    }
+
+    #[test]
+    fn a_ray_ends_on_the_ellipsoid_or_passes_it() {
+        for (latitude, height_m) in [(0.0, 20_000.0), (89.9, 1.0e6), (-45.0, 2.0e7)] {
+            let camera = Camera {
+                eye: Geodetic::from_degrees(latitude, 120.0, height_m),
+                attitude: Attitude::from_degrees(30.0, -90.0, 0.0),
+                hfov: Radians::from_degrees(60.0),
+                width_px: 100,
+                height_px: 100,
+            };
+            let range_m = camera.ellipsoid_range_m(50.0, 50.0);
+            assert!(
+                range_m.is_some_and(|r| (r - height_m).abs() < 1e-6 * height_m),
+                "{range_m:?}"
+            );
+            let hit = camera.eye.to_ecef()
+                + camera.ray_ecef(52.0, 47.0) * camera.ellipsoid_range_m(52.0, 47.0).unwrap_or(0.0);
+            assert!(
+                Geodetic::from_ecef(hit).height_ellipsoid.0.abs() < 1e-6,
+                "{hit}"
+            );
+            let away = Camera {
+                attitude: Attitude::from_degrees(30.0, 90.0, 0.0),
+                ..camera
+            };
+            assert_eq!(away.ellipsoid_range_m(50.0, 50.0), None);
         }
     }
 }

@@ -4,9 +4,10 @@ mod clipmap_support;
 
 use clipmap_support::{Land, gpu, mountains};
 use glasswing::geo::{Attitude, Camera, Geodetic};
+use glasswing::gl::look::{Look, Palette};
 use glasswing::gl::sky::SkyRenderer;
 use glasswing::gl::target::Target;
-use glasswing::gl::terrain::{Look, TerrainRenderer};
+use glasswing::gl::terrain::TerrainRenderer;
 use glasswing::heap;
 use glasswing::terrain::clipmap::Shape;
 use glasswing::terrain::partition::Partition;
@@ -40,7 +41,7 @@ fn a_flight_with_a_teleport_allocates_nothing() {
             terrain
                 .frame(&camera, 65_536, &Look::FLIGHT)
                 .expect("a camera");
-            sky.draw(&camera);
+            sky.draw(&camera, Palette::Day);
             std::thread::park_timeout(Duration::from_millis(2));
         }
     };
@@ -64,6 +65,7 @@ fn filling_batches_allocates_nothing() {
     );
     let mut parcel = Parcel {
         job: Job {
+            partition: Partition::Geographic,
             level: 0,
             generation: 0,
             i: 215_900,

@@ -1,7 +1,7 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, demo, list, run, shot, terrain};
+use crate::app::{check, decode, demo, list, measure, run, shot, terrain};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -38,6 +38,9 @@ enum Command {
     Decode(decode::DecodeArgs),
     Check(check::CheckArgs),
     List(list::ListArgs),
+    /// Measures the terrain, and says how
+    #[command(subcommand)]
+    Measure(measure::MeasureCommand),
 }
 
 /// Runs the program on the process's own arguments.
@@ -64,6 +67,7 @@ pub fn main() -> ExitCode {
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),
         Command::Check(args) => check::run(args),
         Command::List(args) => list::run(args).map_err(|f| vec![f]),
+        Command::Measure(command) => measure::run(command).map_err(|f| vec![f]),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -110,6 +114,7 @@ fn wrong_usage(e: &clap::Error) -> Failure {
     let commands = ["run", "demo", "shot", "decode", "check", "list"];
     let todo = match asked.first().map(String::as_str) {
         Some("terrain") => "see glasswing terrain --help".to_owned(),
+        Some("measure") => "see glasswing measure --help".to_owned(),
         Some(command) if commands.contains(&command) => format!("see glasswing {command} --help"),
         _ => "see glasswing --help".to_owned(),
     };

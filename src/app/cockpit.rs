@@ -8,10 +8,12 @@ use crate::app::error::{Failure, Kind};
 use crate::app::fly;
 use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::Size;
-use crate::app::vision::{Shown, Vision, VisionError};
+use crate::app::vision::{Dress, Shown, Vision};
 use crate::bus::input::Action;
 use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
 use crate::geo::{Camera, Geodetic};
+use crate::gl::look::Palette;
+use crate::gl::scenery::SceneryError;
 use crate::gl::target::Target;
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
@@ -104,7 +106,12 @@ impl Cockpit {
             vision,
             config: config(board),
             quota_texels: board.terrain.upload_texels_per_frame as usize,
-            ui: Ui::default(),
+            ui: Ui {
+                awareness: board.terrain.awareness,
+                grid: board.terrain.grid,
+                night: board.palette == Palette::Night,
+                ..Ui::default()
+            },
             gpu: Rc::clone(gpu),
         })
     }
@@ -126,7 +133,10 @@ impl Cockpit {
         self.gpu.clear([0.0, 0.0, 0.0, 1.0]);
         if model.svs.is_ok() {
             let shown = match (camera, &mut self.vision) {
-                (Some(camera), Some(vision)) => vision.show(&camera, self.quota_texels, &mut drawn),
+                (Some(camera), Some(vision)) => {
+                    vision.dress = Dress::of(&self.ui);
+                    vision.show(&camera, self.quota_texels, &mut drawn)
+                }
                 _ => Shown::off(Terrain::NoCamera),
             };
             (self.ui.terrain, self.ui.terrain_caution) = (shown.terrain, shown.caution);
@@ -205,6 +215,9 @@ impl Cockpit {
             BaroUnit::InchesOfMercury => 0.01 * HECTOPASCALS_PER_INCH_OF_MERCURY,
         };
         match action {
+            Action::ToggleAwareness => self.ui.awareness = !self.ui.awareness,
+            Action::ToggleGrid => self.ui.grid = !self.ui.grid,
+            Action::ToggleNight => self.ui.night = !self.ui.night,
             Action::BaroStandard => self.ui.baro_standard = !self.ui.baro_standard,
             Action::BaroSteps(steps) => {
                 self.ui.baro_standard = false;
@@ -246,7 +259,7 @@ enum MakeError {
     #[error(transparent)]
     Gl(#[from] GlError),
     #[error(transparent)]
-    Vision(#[from] VisionError),
+    Scenery(#[from] SceneryError),
     #[error(transparent)]
     Instruments(#[from] InstrumentsError),
     #[error("no level has that many vertices")]

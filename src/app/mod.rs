@@ -16,11 +16,13 @@ pub mod health;
 pub mod instruments;
 pub mod intake;
 pub mod list;
+pub mod measure;
 pub mod picture;
 pub mod run;
 pub mod shot;
 pub mod sources;
 pub mod terrain;
+pub mod terrain_info;
 pub mod vision;
 
 pub use cli::main;

@@ -6,11 +6,14 @@ use crate::app::cockpit;
 use crate::app::error::{Failure, Kind};
 use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::{Effort, Size, write_png};
+use crate::app::vision::Dress;
 use crate::display::{Config, Model, Terrain, Ui};
 use crate::geo::{Attitude, Camera, EYE_HEIGHT_M, Geodetic};
-use crate::gl::sky::SkyRenderer;
+use crate::gl::globe::ALONE_FROM;
+use crate::gl::look::{Look, Palette};
+use crate::gl::scenery::{Scenery, SceneryError};
 use crate::gl::target::Target;
-use crate::gl::terrain::{Look, RANGE_CLEAR, TerrainError, TerrainRenderer};
+use crate::gl::terrain::RANGE_CLEAR;
 use crate::gl::{GlError, Gpu};
 use crate::sampled::Sampled;
 use crate::screen::{self, Screen};
@@ -49,7 +52,8 @@ pub struct ShotArgs {
     /// The terrain pack to draw
     #[arg(long, value_name = "PACK")]
     pub pack: PathBuf,
-    /// Where the eye is: degrees north, degrees east, metres above the WGS 84 ellipsoid
+    /// Where the eye is: degrees north, degrees east, metres above the WGS 84 ellipsoid, up to 25 000 km. From 20 to 30 km
+    /// the Earth in one piece takes over from the near terrain; above 30 km there are no instruments
     #[arg(long, value_name = "LAT,LON,HEIGHT", allow_hyphen_values = true)]
     pub eye: Triple,
     /// How it looks: degrees clockwise from true north, pitch up, roll right wing down
@@ -75,12 +79,31 @@ pub struct ShotArgs {
     /// No instruments, haze or sky gradient
     #[arg(long)]
     pub terrain_only: bool,
+    /// Colour ground by its height relative to the eye: red with bars from 100 ft below it upwards, yellow from 1000 ft below
+    #[arg(long)]
+    pub awareness: bool,
+    /// Lay lines of latitude and longitude on the ground, 1 minute to 30 degrees apart as the eye's height asks; beyond 70
+    /// degrees of latitude lines of the polar grid
+    #[arg(long)]
+    pub grid: bool,
+    /// For eyes used to daylight, or to the dark: terrain and sky a third as bright
+    #[arg(long, value_enum, default_value_t = Light::Day)]
+    pub palette: Light,
     /// What draws
     #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
     pub backend: Backend,
     /// Print figures of the frame as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// For which eyes a picture is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Light {
+    /// Used to daylight
+    Day,
+    /// Used to the dark
+    Night,
 }
 
 /// What a picture without a screen is drawn with.
@@ -147,6 +170,8 @@ pub fn run(args: ShotArgs) -> Result<(), Failure> {
     let screen = open(args.backend, args.size)?;
     let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gpu_failure(&e))?;
     let mut studio = Studio::new(&gpu, pack, args.size).map_err(|e| gpu_failure(&e))?;
+    // From where an instrument would have to say that it has no height, the view goes without.
+    studio.has_instruments = model.svs.is_ok();
     studio.instruments.list(&model);
     let settled = studio.settle(&camera)?;
     let report = studio.picture(&camera, &args, settled)?;
@@ -227,7 +252,11 @@ fn model(camera: &Camera, pack: &Pack) -> Model {
     Model::build(&state, &ui, &config, now)
 }
 
-fn open(backend: Backend, size: Size) -> Result<Box<dyn Screen>, Failure> {
+/// A screen that shows nothing.
+///
+/// # Errors
+/// When it does not open (4).
+pub(super) fn open(backend: Backend, size: Size) -> Result<Box<dyn Screen>, Failure> {
     let screen: Result<Box<dyn Screen>, _> = match backend {
         Backend::Surfaceless => {
             screen::surfaceless::open(size.width_px, size.height_px).map(|s| Box::new(s) as _)
@@ -264,9 +293,9 @@ struct Settled {
 #[derive(Debug)]
 struct Studio {
     gpu: Rc<Gpu>,
-    terrain: TerrainRenderer,
-    sky: SkyRenderer,
+    scenery: Scenery,
     instruments: Instruments,
+    has_instruments: bool,
     target: Target,
     size: Size,
 }
@@ -276,7 +305,7 @@ enum StudioError {
     #[error(transparent)]
     Gl(#[from] GlError),
     #[error(transparent)]
-    Terrain(#[from] TerrainError),
+    Scenery(#[from] SceneryError),
     #[error(transparent)]
     Instruments(#[from] InstrumentsError),
 }
@@ -285,9 +314,9 @@ impl Studio {
     fn new(gpu: &Rc<Gpu>, pack: Pack, size: Size) -> Result<Self, StudioError> {
         Ok(Self {
             gpu: Rc::clone(gpu),
-            terrain: TerrainRenderer::new(gpu, Settings::default(), Arc::new(pack))?,
-            sky: SkyRenderer::new(gpu)?,
+            scenery: Scenery::new(gpu, Settings::default(), Arc::new(pack))?,
             instruments: Instruments::new(gpu, size)?,
+            has_instruments: true,
             target: Target::offscreen(gpu, size.width_px, size.height_px, SAMPLES)?,
             size,
         })
@@ -298,7 +327,7 @@ impl Studio {
         let begun = Monotonic::read();
         let (mut frames, mut uploads_texels, mut uploads_bytes) = (0, 0, 0);
         loop {
-            let figures = self.terrain.prepare(camera, QUOTA).map_err(|e| {
+            let figures = self.scenery.prepare(camera, QUOTA).map_err(|e| {
                 Failure::new(Kind::Usage, "--eye", e, "give finite numbers in range")
             })?;
             frames += 1;
@@ -337,10 +366,10 @@ impl Studio {
         args: &ShotArgs,
         settled: Settled,
     ) -> Result<Report, Failure> {
-        self.draw(camera, args.terrain_only);
+        self.draw(camera, args);
         self.gpu.finish();
         let begun = Monotonic::read();
-        let background = self.draw(camera, args.terrain_only);
+        let draw_calls = self.draw(camera, args);
         self.gpu.finish();
         let frame = Monotonic::read().since(begun).unwrap_or_default();
         let mut pixels = vec![0; self.size.width_px as usize * self.size.height_px as usize * 4];
@@ -353,7 +382,7 @@ impl Studio {
             &mut Vec::new(),
         )?;
         if let Some(path) = &args.range {
-            let ranges = self.ranges().map_err(|e| gpu_failure(&e))?;
+            let ranges = self.ranges(camera).map_err(|e| gpu_failure(&e))?;
             write_pfm(path, self.size, &ranges)?;
         }
         self.gpu
@@ -363,7 +392,7 @@ impl Studio {
         let damage = figures.damage;
         Ok(Report {
             triangles: figures.triangles,
-            draw_calls: self.terrain.draw_calls() + background,
+            draw_calls,
             levels: figures
                 .levels
                 .map_or(0, |(finest, coarsest)| usize::from(coarsest - finest) + 1),
@@ -382,26 +411,45 @@ impl Studio {
         })
     }
 
-    /// Draws what has been settled. Returns the draw calls beside the terrain's.
-    fn draw(&mut self, camera: &Camera, terrain_only: bool) -> usize {
+    /// Draws what has been settled. Returns the draw calls.
+    fn draw(&mut self, camera: &Camera, args: &ShotArgs) -> usize {
         self.target.bind();
         self.gpu.clear(FLAT_SKY);
-        if terrain_only {
-            self.terrain.draw(&Look::BARE);
-            return 0;
+        let dress = Dress {
+            awareness: args.awareness,
+            grid: args.grid,
+            palette: match args.palette {
+                Light::Day => Palette::Day,
+                Light::Night => Palette::Night,
+            },
+        };
+        let mut look = dress.look(camera, None);
+        if args.terrain_only {
+            look.haze_m = Look::BARE.haze_m;
+            return self.scenery.draw(camera, &look, false);
         }
-        self.terrain.draw(&Look::FLIGHT);
-        self.sky.draw(camera);
-        self.instruments.draw();
-        2
+        let draw_calls = self.scenery.draw(camera, &look, true);
+        if self.has_instruments {
+            self.instruments.draw();
+        }
+        draw_calls + usize::from(self.has_instruments)
     }
 
-    /// Distances from the eye, metres, rows from the top; +infinity for sky.
-    fn ranges(&self) -> Result<Vec<f32>, GlError> {
+    /// Distances from the eye, metres, rows from the top; +infinity for sky. Where the Earth is in one piece these are of
+    /// the ellipsoid.
+    #[expect(clippy::cast_possible_truncation, reason = "a PFM holds f32")]
+    fn ranges(&self, camera: &Camera) -> Result<Vec<f32>, GlError> {
+        if camera.eye.height_ellipsoid >= ALONE_FROM {
+            let rows = (0..self.size.height_px).flat_map(|y| {
+                (0..self.size.width_px).map(move |x| (f64::from(x) + 0.5, f64::from(y) + 0.5))
+            });
+            let range = |(x, y)| camera.ellipsoid_range_m(x, y).unwrap_or(f64::INFINITY) as f32;
+            return Ok(rows.map(range).collect());
+        }
         let target = Target::offscreen(&self.gpu, self.size.width_px, self.size.height_px, 0)?;
         target.bind();
         self.gpu.clear(RANGE_CLEAR);
-        self.terrain.draw_range();
+        self.scenery.terrain().draw_range();
         let mut bytes = vec![0; self.size.width_px as usize * self.size.height_px as usize * 4];
         target.read_rgba(&mut bytes);
         Ok(bytes

@@ -5,7 +5,7 @@
     reason = "the command's output, and warnings beside it"
 )]
 
-use crate::app::{Failure, Kind};
+use crate::app::{Failure, Kind, terrain_info};
 use crate::terrain::bake::{self, BakeError, Heights, Seam};
 use crate::terrain::codec::{SurfaceKind, Tile};
 use crate::terrain::height::{GroundReader, HeightError};
@@ -26,7 +26,8 @@ pub enum TerrainCommand {
     ///
     /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it) and GeoTIFF (.tif, .tiff: one
     /// band of Int16, UInt16 or Float32 in EPSG:4326). Posts are kept as they are; holes are filled for drawing and stay
-    /// marked; flat connected areas become water. The pack appears under its name only when it is whole.
+    /// marked; flat connected areas become water. Where files reach beyond 69 degrees north or south, the grid of that pole is
+    /// made too. The pack appears under its name only when it is whole.
     #[command(
         after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack"
     )]
@@ -96,10 +97,10 @@ pub struct SynthArgs {
 #[derive(Debug, clap::Args)]
 pub struct PackArgs {
     /// The pack.
-    pack: PathBuf,
+    pub pack: PathBuf,
     /// One JSON document on stdout instead of text.
     #[arg(long)]
-    json: bool,
+    pub json: bool,
 }
 
 /// Arguments of `terrain height`.
@@ -126,7 +127,10 @@ pub fn run(command: TerrainCommand) -> Result<(), Failure> {
     match command {
         TerrainCommand::Bake(args) => bake(&args),
         TerrainCommand::Synth(args) => synth(&args),
-        TerrainCommand::Info(args) => info(&args),
+        TerrainCommand::Info(args) => {
+            terrain_info::print(&open_pack(&args.pack)?, &args);
+            Ok(())
+        }
         TerrainCommand::Verify(args) => verify(&args),
         TerrainCommand::Height(args) => height(&args),
     }
@@ -313,138 +317,6 @@ fn summary(info: &PackInfo) -> String {
     )
 }
 
-/// What the index says of each level.
-struct LevelSummary {
-    tiles: u64,
-    bytes: u64,
-}
-
-fn level_summaries(pack: &Pack) -> Vec<LevelSummary> {
-    (0..pack.info().levels)
-        .map(|level| {
-            let of_level = pack.keys().filter(|k| k.level == level);
-            let headers = of_level.filter_map(|k| pack.tile_header(k));
-            headers.fold(LevelSummary { tiles: 0, bytes: 0 }, |s, h| LevelSummary {
-                tiles: s.tiles + 1,
-                bytes: s.bytes + u64::from(h.stored_bytes),
-            })
-        })
-        .collect()
-}
-
-/// Bits of stored tiles for each post of the ground.
-fn bits_per_sample(bytes: u64, posts: u64) -> f64 {
-    #[expect(clippy::cast_precision_loss, reason = "a figure for people")]
-    {
-        bytes as f64 * 8.0 / posts.max(1) as f64
-    }
-}
-
-fn max_error_m(pack: &Pack) -> f32 {
-    let headers = pack.keys().filter_map(|k| pack.tile_header(k));
-    headers.map(|h| h.max_error_m).fold(0.0, f32::max)
-}
-
-fn info(args: &PackArgs) -> Result<(), Failure> {
-    let pack = open_pack(&args.pack)?;
-    let levels = level_summaries(&pack);
-    if args.json {
-        println!("{}", info_json(&args.pack, &pack, &levels));
-    } else {
-        print_info(&args.pack, &pack, &levels);
-    }
-    Ok(())
-}
-
-fn info_json(path: &Path, pack: &Pack, levels: &[LevelSummary]) -> Value {
-    let info = pack.info();
-    let rows: Vec<Value> = std::iter::zip(0_u8.., levels)
-        .map(|(level, s)| {
-            json!({
-                "level": level,
-                "spacing_deg": info.grid.spacing_deg(level),
-                "tiles": s.tiles,
-                "bytes": s.bytes,
-            })
-        })
-        .collect();
-    let sources: Vec<Value> = pack
-        .sources()
-        .iter()
-        .map(|s| json!({"name": s.name, "bounds": bounds_json(&s.rect.bounds(info.grid))}))
-        .collect();
-    let all: u64 = levels.iter().map(|l| l.bytes).sum();
-    json!({
-        "pack": path.display().to_string(),
-        "version": info.version,
-        "posts_per_degree": info.grid.posts_per_degree,
-        "levels": rows,
-        "bounds": bounds_json(&info.bounds),
-        "unit_m": info.unit_m,
-        "base_m": info.base_m,
-        "height_min_m": info.height_min_m,
-        "height_max_m": info.height_max_m,
-        "posts": info.posts,
-        "void_posts": info.void_posts,
-        "water_posts": info.water_posts,
-        "tiles": info.tiles,
-        "bytes": info.bytes,
-        "bits_per_sample": bits_per_sample(levels.first().map_or(0, |l| l.bytes), info.posts),
-        "bits_per_sample_all_levels": bits_per_sample(all, info.posts),
-        "max_error_m": max_error_m(pack),
-        "sources": sources,
-    })
-}
-
-fn bounds_json(b: &Bounds) -> Value {
-    json!({"south": b.south_deg, "west": b.west_deg, "north": b.north_deg, "east": b.east_deg})
-}
-
-fn print_info(path: &Path, pack: &Pack, levels: &[LevelSummary]) {
-    let info = pack.info();
-    let b = &info.bounds;
-    let all: u64 = levels.iter().map(|l| l.bytes).sum();
-    println!("{}: terrain pack, format {}", path.display(), info.version);
-    println!(
-        "bounds      {} to {} N, {} to {} E",
-        b.south_deg, b.north_deg, b.west_deg, b.east_deg
-    );
-    println!(
-        "heights     {} to {} m above EGM96, in steps of {} m, at most {} m from their source",
-        info.height_min_m,
-        info.height_max_m,
-        info.unit_m,
-        max_error_m(pack)
-    );
-    println!(
-        "posts       {} ({} a degree), of these {} void and {} water",
-        info.posts, info.grid.posts_per_degree, info.void_posts, info.water_posts
-    );
-    println!(
-        "bytes       {} in {} tiles; {:.2} bits a sample on the finest level, {:.2} with all levels",
-        info.bytes,
-        info.tiles,
-        bits_per_sample(levels.first().map_or(0, |l| l.bytes), info.posts),
-        bits_per_sample(all, info.posts),
-    );
-    println!("level  spacing/deg  tiles      bytes");
-    for (level, s) in std::iter::zip(0_u8.., levels) {
-        println!(
-            "{level:5}  {:11.7}  {:5}  {:9}",
-            info.grid.spacing_deg(level),
-            s.tiles,
-            s.bytes
-        );
-    }
-    for source in pack.sources() {
-        let b = source.rect.bounds(info.grid);
-        println!(
-            "source      {}: {} to {} N, {} to {} E",
-            source.name, b.south_deg, b.north_deg, b.west_deg, b.east_deg
-        );
-    }
-}
-
 fn verify(args: &PackArgs) -> Result<(), Failure> {
     let pack = open_pack(&args.pack)?;
     let mut reader = TileReader::new();
@@ -463,7 +335,13 @@ fn verify(args: &PackArgs) -> Result<(), Failure> {
         let list: Vec<Value> = damaged
             .iter()
             .map(|(k, why)| {
-                json!({"level": k.level, "column": k.column, "row": k.row, "why": why.to_string()})
+                json!({
+                    "partition": k.partition.name(),
+                    "level": k.level,
+                    "column": k.column,
+                    "row": k.row,
+                    "why": why.to_string(),
+                })
             })
             .collect();
         println!(

@@ -4,11 +4,11 @@
 //! the plain horizon is drawn instead.
 
 use crate::app::cockpit::Drawn;
-use crate::display::{Terrain, TerrainCaution};
+use crate::display::{Terrain, TerrainCaution, Ui};
 use crate::geo::{Camera, Geodetic};
-use crate::gl::sky::SkyRenderer;
-use crate::gl::terrain::{Look, TerrainError, TerrainRenderer};
-use crate::gl::{GlError, Gpu};
+use crate::gl::Gpu;
+use crate::gl::look::{Lines, Look, Palette};
+use crate::gl::scenery::{Scenery, SceneryError};
 use crate::terrain::pack::{Bounds, Pack};
 use crate::terrain::scene::{FrameFigures, Settings};
 use crate::terrain::stream::NoTerrain;
@@ -23,20 +23,51 @@ const COARSE_LEVELS: u8 = 2;
 /// Draws terrain and sky. After construction nothing here allocates.
 #[derive(Debug)]
 pub struct Vision {
-    renderer: TerrainRenderer,
-    sky: SkyRenderer,
+    scenery: Scenery,
     pack: Arc<Pack>,
+    lines: Option<Lines>,
+    /// What lies on the ground.
+    pub dress: Dress,
 }
 
-/// Why it cannot be made.
-#[derive(Debug, thiserror::Error)]
-pub enum VisionError {
-    /// The GPU refused something.
-    #[error(transparent)]
-    Gl(#[from] GlError),
-    /// The terrain cannot be drawn.
-    #[error(transparent)]
-    Terrain(#[from] TerrainError),
+/// What lies on the ground beside its relief, and for which eyes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dress {
+    /// Colours by height relative to the aircraft.
+    pub awareness: bool,
+    /// Lines of latitude and longitude.
+    pub grid: bool,
+    /// Day or night.
+    pub palette: Palette,
+}
+
+impl Dress {
+    /// As the pilot has set.
+    #[must_use]
+    pub const fn of(ui: &Ui) -> Self {
+        Self {
+            awareness: ui.awareness,
+            grid: ui.grid,
+            palette: if ui.night {
+                Palette::Night
+            } else {
+                Palette::Day
+            },
+        }
+    }
+
+    /// The look of a picture from a camera, whose height must be valid now: the eye is the aircraft. `lines`: of the
+    /// picture before.
+    #[must_use]
+    pub fn look(self, camera: &Camera, lines: Option<Lines>) -> Look {
+        let height = camera.eye.height_ellipsoid;
+        Look {
+            palette: self.palette,
+            awareness: self.awareness.then_some(height),
+            lines: self.grid.then(|| Lines::at(height, lines)),
+            ..Look::FLIGHT
+        }
+    }
 }
 
 /// What the display is to say of a frame's terrain.
@@ -69,13 +100,14 @@ impl Vision {
     /// For a pack; starts the streaming thread.
     ///
     /// # Errors
-    /// [`VisionError`].
-    pub fn new(gpu: &Rc<Gpu>, settings: Settings, pack: Pack) -> Result<Self, VisionError> {
+    /// [`SceneryError`].
+    pub fn new(gpu: &Rc<Gpu>, settings: Settings, pack: Pack) -> Result<Self, SceneryError> {
         let pack = Arc::new(pack);
         Ok(Self {
-            renderer: TerrainRenderer::new(gpu, settings, Arc::clone(&pack))?,
-            sky: SkyRenderer::new(gpu)?,
+            scenery: Scenery::new(gpu, settings, Arc::clone(&pack))?,
             pack,
+            lines: None,
+            dress: Dress::default(),
         })
     }
 
@@ -89,13 +121,13 @@ impl Vision {
     /// Streams at most `quota_texels` without drawing. Returns whether every wanted level is there; true too where there
     /// is nothing to wait for.
     pub fn stream(&mut self, camera: &Camera, quota_texels: usize) -> bool {
-        let figures = self.renderer.prepare(camera, quota_texels);
+        let figures = self.scenery.prepare(camera, quota_texels);
         figures.is_ok_and(|figures| figures.settled)
     }
 
     /// Streams at most `quota_texels`, and draws terrain and sky into the bound target where there is anything to show.
     pub fn show(&mut self, camera: &Camera, quota_texels: usize, drawn: &mut Drawn) -> Shown {
-        let Ok(figures) = self.renderer.prepare(camera, quota_texels) else {
+        let Ok(figures) = self.scenery.prepare(camera, quota_texels) else {
             return Shown::off(Terrain::NoCamera);
         };
         drawn.upload_bytes = figures.uploads_bytes as u64;
@@ -106,21 +138,23 @@ impl Vision {
         if info.posts == info.void_posts {
             return Shown::off(Terrain::Empty);
         }
-        if !covers(&info.bounds, &camera.eye) {
+        if figures.partition.is_none() || !covers(&info.bounds, &camera.eye) {
             return Shown::off(Terrain::Outside);
         }
-        let Some((finest, _)) = figures.levels else {
+        if !self.scenery.has_ground(&figures) {
             return Shown::off(Terrain::Loading);
-        };
-        self.renderer.draw(&Look::FLIGHT);
-        self.sky.draw(camera);
+        }
+        let look = self.dress.look(camera, self.lines);
+        self.lines = look.lines;
+        let draw_calls = self.scenery.draw(camera, &look, true);
         drawn.triangles = figures.triangles as u64;
-        let draw_calls = self.renderer.draw_calls() + 1;
         drawn.draw_calls += u32::try_from(draw_calls).unwrap_or(u32::MAX);
         drawn.terrain_shown = true;
         Shown {
             terrain: Terrain::Ready,
-            caution: self.caution(camera, &figures, finest),
+            caution: figures
+                .levels
+                .and_then(|(finest, _)| self.caution(camera, &figures, finest)),
         }
     }
 
@@ -131,7 +165,7 @@ impl Vision {
         figures: &FrameFigures,
         finest: u8,
     ) -> Option<TerrainCaution> {
-        let ground = self.renderer.ground(&camera.eye);
+        let ground = self.scenery.terrain().ground(&camera.eye);
         let damage = figures.damage;
         match ground {
             Ok(ground) if camera.eye.height_ellipsoid < ground => Some(TerrainCaution::BelowGround),

@@ -11,6 +11,9 @@
 //! | keys Up, +, = | setting up, repeating while held |
 //! | keys Down, - | setting down, repeating while held |
 //! | keys S, Enter; a knob's push button (`BTN_0`) | standard setting |
+//! | key T | terrain awareness colours on, off |
+//! | key G | grid of lines on, off |
+//! | key N | night, day |
 
 use super::BusError;
 use crate::time::Monotonic;
@@ -45,6 +48,12 @@ pub enum Action {
     BaroSteps(i8),
     /// Sets the standard setting, 1013.25 hPa.
     BaroStandard,
+    /// Turns the terrain awareness colours on or off.
+    ToggleAwareness,
+    /// Turns the grid of lines on the ground on or off.
+    ToggleGrid,
+    /// Dims terrain and sky for the night, or ends that.
+    ToggleNight,
 }
 
 /// An action and when it was noticed.
@@ -75,6 +84,7 @@ pub fn action(event_type: u16, code: u16, value: i32) -> Option<Action> {
         1 | 2 if is_up(key) => Some(Action::BaroSteps(1)),
         1 | 2 if is_down(key) => Some(Action::BaroSteps(-1)),
         1 if is_standard(key) => Some(Action::BaroStandard),
+        1 => toggle(key),
         _ => None,
     }
 }
@@ -97,6 +107,15 @@ const fn is_standard(key: KeyCode) -> bool {
     matches!(key, KeyCode::KEY_S | KeyCode::KEY_ENTER | KeyCode::BTN_0)
 }
 
+const fn toggle(key: KeyCode) -> Option<Action> {
+    match key {
+        KeyCode::KEY_T => Some(Action::ToggleAwareness),
+        KeyCode::KEY_G => Some(Action::ToggleGrid),
+        KeyCode::KEY_N => Some(Action::ToggleNight),
+        _ => None,
+    }
+}
+
 /// Whether a device has anything of the table.
 fn is_of_use(device: &Device) -> bool {
     let axes = device.supported_relative_axes().is_some_and(|axes| {
@@ -104,7 +123,7 @@ fn is_of_use(device: &Device) -> bool {
     });
     let keys = device.supported_keys().is_some_and(|keys| {
         keys.iter()
-            .any(|k| is_up(k) || is_down(k) || is_standard(k))
+            .any(|k| is_up(k) || is_down(k) || is_standard(k) || toggle(k).is_some())
     });
     axes || keys
 }

@@ -93,6 +93,12 @@ pub struct Ui {
     pub terrain: Terrain,
     /// What is to be said of terrain that is shown.
     pub terrain_caution: Option<TerrainCaution>,
+    /// Whether ground is coloured by its height relative to the aircraft.
+    pub awareness: bool,
+    /// Whether lines of latitude and longitude lie on the ground.
+    pub grid: bool,
+    /// Whether terrain and sky are dimmed for eyes used to the dark.
+    pub night: bool,
 }
 
 impl Default for Ui {
@@ -103,6 +109,9 @@ impl Default for Ui {
             baro_standard: false,
             terrain: Terrain::NoPack,
             terrain_caution: None,
+            awareness: false,
+            grid: false,
+            night: false,
         }
     }
 }

@@ -287,6 +287,7 @@ proptest! {
             baro_standard: standard,
             terrain: if terrain { Terrain::Ready } else { Terrain::Outside },
             terrain_caution: standard.then_some(TerrainCaution::NoDataBelow),
+            ..Ui::default()
         };
         let speeds = [40.0, 48.0, 85.0, 129.0, 163.0].map(|kt| Some(Knots(kt)));
         let [vs0, vs1, vfe, vno, vne] = speeds;

@@ -282,6 +282,24 @@ impl VertexArray {
         })
     }
 
+    /// Vertices known by their number alone (`gl_VertexID`), in the order of `indices`; [`Self::add`] gives each instance
+    /// what it needs. The buffer may be dropped before the array.
+    ///
+    /// # Errors
+    /// [`GlError`] where the driver gives none.
+    pub fn numbered(gpu: &Rc<Gpu>, indices: &Buffer) -> Result<Self, GlError> {
+        let array = Self::empty(gpu)?;
+        array.bind();
+        // SAFETY: the context is current on this thread (Gpu is !Send); both objects are alive.
+        unsafe {
+            gpu.gl()
+                .bind_buffer(glow::ELEMENT_ARRAY_BUFFER, Some(indices.id));
+        };
+        gpu.bind_no_vertex_array();
+        gpu.check("while making a vertex array")?;
+        Ok(array)
+    }
+
     /// Reads `attributes` from `vertices`, `stride_bytes` from one vertex to the next, with `indices` where vertices are
     /// shared. The buffers may be dropped before the array.
     ///
@@ -378,6 +396,18 @@ impl VertexArray {
                 let instances = gl_i32(instances);
                 gl.draw_elements_instanced(mode, count, glow::UNSIGNED_SHORT, offset, instances);
             }
+        };
+    }
+}
+
+impl VertexArray {
+    /// Binds it and draws `count` points, `instances` times: what may be recorded in OpenGL ES 3.0.
+    pub fn draw_points(&self, count: u32, instances: u32) {
+        self.bind();
+        let gl = self.gpu.gl();
+        // SAFETY: as in `draw`.
+        unsafe {
+            gl.draw_arrays_instanced(glow::POINTS, 0, gl_i32(count), gl_i32(instances));
         };
     }
 }

@@ -17,8 +17,12 @@
 
 pub mod buffer;
 pub mod caps;
+pub mod feedback;
+pub mod globe;
 pub mod level_textures;
+pub mod look;
 pub mod program;
+pub mod scenery;
 pub mod sky;
 pub mod target;
 pub mod terrain;

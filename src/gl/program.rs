@@ -32,6 +32,21 @@ impl Program {
         vert_src: &str,
         frag_src: &str,
     ) -> Result<Self, GlError> {
+        Self::recording(gpu, name, vert_src, frag_src, &[])
+    }
+
+    /// The same, and its vertices can be read back ([`super::feedback::Recorder`]): the outputs named, one after the
+    /// other.
+    ///
+    /// # Errors
+    /// As [`Self::new`]; an output that the shader does not have fails to link.
+    pub fn recording(
+        gpu: &Rc<Gpu>,
+        name: &'static str,
+        vert_src: &str,
+        frag_src: &str,
+        outputs: &[&str],
+    ) -> Result<Self, GlError> {
         let gl = gpu.gl();
         let vertex = Shader::compile(gpu, name, glow::VERTEX_SHADER, vert_src)?;
         let fragment = Shader::compile(gpu, name, glow::FRAGMENT_SHADER, frag_src)?;
@@ -49,6 +64,9 @@ impl Program {
         let (linked, log) = unsafe {
             gl.attach_shader(id, vertex.id);
             gl.attach_shader(id, fragment.id);
+            if !outputs.is_empty() {
+                gl.transform_feedback_varyings(id, outputs, glow::INTERLEAVED_ATTRIBS);
+            }
             gl.link_program(id);
             gl.detach_shader(id, vertex.id);
             gl.detach_shader(id, fragment.id);

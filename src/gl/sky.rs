@@ -6,12 +6,17 @@ use std::rc::Rc;
 use glow::HasContext as _;
 
 use super::buffer::{Primitive, VertexArray};
+use super::look::Palette;
 use super::program::{Program, UniformLocation};
 use super::{GlError, Gpu};
 use crate::geo::Camera;
 
 /// The haze that distance fades to, and the colour just below the horizon: red, green, blue, 0 to 1.
 pub const HAZE: [f32; 3] = [0.80, 0.76, 0.68];
+
+/// Height in which the air gets thinner by a factor e, metres (U.S. Standard Atmosphere 1976, about 8.4 km at the ground),
+/// with what scatters most of the light in its lower half: doubled.
+pub(super) const AIR_M: f64 = 16_800.0;
 
 /// Draws it.
 #[derive(Debug)]
@@ -20,6 +25,7 @@ pub struct SkyRenderer {
     program: Program,
     extent: UniformLocation,
     up: UniformLocation,
+    brightness: UniformLocation,
     corners: VertexArray,
 }
 
@@ -43,6 +49,7 @@ impl SkyRenderer {
             gpu: Rc::clone(gpu),
             extent: program.uniform("extent")?,
             up: program.uniform("up")?,
+            brightness: program.uniform("brightness")?,
             program,
             corners: VertexArray::empty(gpu)?,
         })
@@ -53,7 +60,7 @@ impl SkyRenderer {
         clippy::cast_possible_truncation,
         reason = "numbers for the shader, which is f32"
     )]
-    pub fn draw(&self, camera: &Camera) {
+    pub fn draw(&self, camera: &Camera, palette: Palette) {
         if !camera.is_valid() {
             return;
         }
@@ -64,12 +71,15 @@ impl SkyRenderer {
         ];
         let down = camera.eye.ned_to_ecef().z_axis;
         let up = -(camera.eye_to_ecef().transpose() * down);
+        let [r, g, b] = palette.brightness();
+        let air = (-camera.eye.height_ellipsoid.0.max(0.0) / AIR_M).exp() as f32;
         let gl = self.gpu.gl();
         self.program.bind();
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
         unsafe {
             gl.uniform_2_f32_slice(Some(&self.extent), &extent);
             gl.uniform_3_f32(Some(&self.up), up.x as f32, up.y as f32, up.z as f32);
+            gl.uniform_4_f32(Some(&self.brightness), r, g, b, air);
             gl.enable(glow::DEPTH_TEST);
             gl.depth_func(glow::LEQUAL);
             gl.depth_mask(false);

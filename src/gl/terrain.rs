@@ -4,6 +4,8 @@
 //! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
 //! tables and blocks rotate through three textures and buffers.
 
+pub mod record;
+
 use std::io;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -13,44 +15,23 @@ use glow::HasContext as _;
 
 use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
 use super::level_textures::LevelTextures;
+use super::look::{Look, LookUniforms, Variant, with_relief};
 use super::program::{Program, UniformLocation};
 use super::texture::{Filter, Format, Texture, Wrap};
 use super::{GlError, Gpu};
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
-use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices, pattern_vertices};
+use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices};
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
 use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
-use crate::units::{Metres, Radians};
+use crate::units::Metres;
 
 /// Table textures in rotation: one being written, two that the GPU may still read.
 const TABLES: usize = 3;
-
-/// What the picture shows beside the ground itself.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Look {
-    /// Distance at which 63 % of the haze is reached, metres; infinite for none.
-    pub haze_m: f64,
-    /// Its colour: red, green, blue, 0 to 1.
-    pub haze: [f32; 3],
-}
-
-impl Look {
-    /// For flying: haze that leaves ridges 100 km away readable.
-    pub const FLIGHT: Self = Self {
-        haze_m: 90_000.0,
-        haze: super::sky::HAZE,
-    };
-    /// The ground alone.
-    pub const BARE: Self = Self {
-        haze_m: f64::INFINITY,
-        haze: super::sky::HAZE,
-    };
-}
 
 /// Why the renderer cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -69,7 +50,7 @@ pub struct TerrainRenderer {
     gpu: Rc<Gpu>,
     world: World,
     /// One for each scene.
-    textures: ArrayVec<LevelTextures, 3>,
+    textures: ArrayVec<LevelTextures, 2>,
     tables: [Texture; TABLES],
     table: usize,
     /// Scene and version of the tables last written.
@@ -85,7 +66,7 @@ pub struct TerrainRenderer {
 /// The programs of a kind of partition.
 #[derive(Debug)]
 struct Shaders {
-    colour: Shader,
+    colour: [Shader; Variant::ALL.len()],
     range: Shader,
 }
 
@@ -97,13 +78,14 @@ struct Shader {
     torus: UniformLocation,
     morph: UniformLocation,
     texels: Option<UniformLocation>,
+    coarser_at: Option<UniformLocation>,
     origin: UniformLocation,
-    scale: UniformLocation,
+    scale: Option<UniformLocation>,
     clip: [UniformLocation; 3],
     depth: UniformLocation,
     bulge: Option<UniformLocation>,
-    haze: Option<UniformLocation>,
-    lights: Option<[UniformLocation; 2]>,
+    lines: Option<UniformLocation>,
+    look: Option<LookUniforms>,
 }
 
 /// Texture units.
@@ -116,19 +98,38 @@ impl Shader {
     fn new(
         gpu: &Rc<Gpu>,
         name: &'static str,
-        is_colour: bool,
+        variant: Option<Variant>,
         is_cap: bool,
     ) -> Result<Self, GlError> {
-        let range = if is_colour { "" } else { "#define RANGE\n" };
+        Self::recording(gpu, name, variant, is_cap, &[])
+    }
+
+    /// With some of the vertex shader's outputs recorded.
+    fn recording(
+        gpu: &Rc<Gpu>,
+        name: &'static str,
+        variant: Option<Variant>,
+        is_cap: bool,
+        outputs: &[&str],
+    ) -> Result<Self, GlError> {
+        let kind = variant.map_or("#define RANGE\n".to_owned(), Variant::defines);
         let cap = if is_cap { "#define CAP\n" } else { "" };
-        let defines = format!("{range}{cap}");
-        let source = |text: &str| format!("{defines}#line 1\n{text}");
-        let program = Program::new(
+        let record = if outputs.is_empty() {
+            ""
+        } else {
+            "#define RECORD\n"
+        };
+        let defines = format!("{kind}{cap}{record}");
+        let vertex = include_str!("../../shaders/terrain.vert");
+        let fragment = include_str!("../../shaders/terrain.frag");
+        let program = Program::recording(
             gpu,
             name,
-            &source(include_str!("../../shaders/terrain.vert")),
-            &source(include_str!("../../shaders/terrain.frag")),
+            &format!("{defines}#line 1\n{vertex}"),
+            &with_relief(&defines, fragment),
+            outputs,
         )?;
+        let is_colour = variant.is_some();
         program.sampler("heights", HEIGHTS)?;
         program.sampler("tables", TABLE)?;
         if is_colour {
@@ -141,8 +142,12 @@ impl Shader {
             torus: program.uniform("torus")?,
             morph: program.uniform("morph")?,
             texels: colour_only("texels")?,
+            coarser_at: colour_only("coarser_at")?,
             origin: program.uniform("origin")?,
-            scale: program.uniform("scale")?,
+            // Only distances do without heights.
+            scale: (is_colour || !outputs.is_empty())
+                .then(|| program.uniform("scale"))
+                .transpose()?,
             clip: [
                 program.uniform("clip_x")?,
                 program.uniform("clip_y")?,
@@ -150,10 +155,13 @@ impl Shader {
             ],
             depth: program.uniform("depth")?,
             bulge: is_cap.then(|| program.uniform("bulge")).transpose()?,
-            haze: colour_only("haze")?,
-            lights: colour_only("key")?
-                .zip(colour_only("fill")?)
-                .map(Into::into),
+            lines: variant
+                .filter(|variant| variant.has_lines())
+                .map(|_| program.uniform("lines_at"))
+                .transpose()?,
+            look: variant
+                .map(|variant| LookUniforms::new(gpu, &program, variant))
+                .transpose()?,
             program,
         })
     }
@@ -161,9 +169,16 @@ impl Shader {
 
 impl Shaders {
     fn new(gpu: &Rc<Gpu>, is_cap: bool) -> Result<Self, GlError> {
+        let [plain, aware, lined, both] = Variant::ALL;
+        let colour = |variant| Shader::new(gpu, "terrain", Some(variant), is_cap);
         Ok(Self {
-            colour: Shader::new(gpu, "terrain", true, is_cap)?,
-            range: Shader::new(gpu, "terrain range", false, is_cap)?,
+            colour: [
+                colour(plain)?,
+                colour(aware)?,
+                colour(lined)?,
+                colour(both)?,
+            ],
+            range: Shader::new(gpu, "terrain range", None, is_cap)?,
         })
     }
 }
@@ -199,20 +214,13 @@ impl TerrainRenderer {
             )
         };
         let indices = pattern_indices(settings.shape);
-        let corners = Buffer::fixed(gpu, Role::Vertex, &pattern_vertices(settings.shape))?;
         let index_buffer = Buffer::fixed(gpu, Role::Index, &indices)?;
         let blocks = Stream::new(
             gpu,
             Role::Vertex,
             LEVELS_MAX * BLOCKS_MAX * size_of::<Block>(),
         )?;
-        let corner = Attribute {
-            location: 0,
-            components: 2,
-            scalar: Scalar::U8Int,
-            offset_bytes: 0,
-        };
-        let array = || VertexArray::new(gpu, &corners, 2, &[corner], Some(&index_buffer));
+        let array = || VertexArray::numbered(gpu, &index_buffer);
         Ok(Self {
             tables: [table()?, table()?, table()?],
             table: 0,
@@ -277,7 +285,7 @@ impl TerrainRenderer {
 
     /// Draws the planned frame into the bound target, whose depth must be clear.
     pub fn draw(&self, look: &Look) {
-        self.draw_with(|shaders| &shaders.colour, look);
+        self.draw_with(|shaders| &shaders.colour[look.variant().index()], look);
     }
 
     /// Draws the planned frame's distances from the eye instead of colours: each pixel's four bytes are those of an f32,
@@ -317,7 +325,7 @@ impl TerrainRenderer {
         textures.chain(copies).sum::<usize>() + of(&self.tables)
     }
 
-    fn draw_with(&self, shader_of: fn(&Shaders) -> &Shader, look: &Look) {
+    fn draw_with(&self, shader_of: impl Fn(&Shaders) -> &Shader, look: &Look) {
         let Some(at) = self.world.drawn_index() else {
             return;
         };
@@ -340,17 +348,13 @@ impl TerrainRenderer {
             gl.disable(glow::BLEND);
             gl.disable(glow::CULL_FACE);
         }
-        let array = &self.arrays[self.region];
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
-            let first = level.blocks.0 * size_of::<Block>();
-            let block = Attribute {
-                location: 1,
-                components: 4,
-                scalar: Scalar::U16Int,
-                offset_bytes: texel(first),
-            };
-            array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
+            if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
+                let place = lines.place(scene.grid(), level.level, level.window);
+                shader.program.set_f32(at, &place);
+            }
+            let array = self.blocks_of(level);
             array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
         }
         // SAFETY: as above.
@@ -358,6 +362,20 @@ impl TerrainRenderer {
             gl.depth_range_f32(0.0, 1.0);
             gl.disable(glow::DEPTH_TEST);
         }
+    }
+
+    /// The vertex array that draws a level's blocks.
+    fn blocks_of(&self, level: &LevelPlan) -> &VertexArray {
+        let array = &self.arrays[self.region];
+        let first = level.blocks.0 * size_of::<Block>();
+        let block = Attribute {
+            location: 0,
+            components: 4,
+            scalar: Scalar::I16Int,
+            offset_bytes: texel(first),
+        };
+        array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
+        array
     }
 
     #[expect(
@@ -370,32 +388,28 @@ impl TerrainRenderer {
         let plan = scene.plan();
         let heights = scene.heights();
         let texels = scene.settings().shape.texels();
-        let scale = [
-            plan.axis_distance_m,
-            heights.unit_m as f32,
-            1.0 / texels as f32,
-            heights.base_m as f32,
-        ];
-        let [r, g, b] = look.haze;
-        let haze = [r, g, b, (1.0 / look.haze_m) as f32];
+        let anchor_m = heights.decode(plan.anchor_code);
+        let scale = [heights.unit_m as f32, anchor_m as f32];
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
         unsafe {
-            gl.uniform_2_i32(Some(&shader.torus), signed(texels - 1), plan.anchor_code);
+            gl.uniform_2_i32(
+                Some(&shader.torus),
+                signed(texels - 1),
+                plan.anchor_code.into(),
+            );
             gl.uniform_3_f32_slice(Some(&shader.origin), &plan.origin_m);
-            gl.uniform_4_f32_slice(Some(&shader.scale), &scale);
+            if let Some(at) = &shader.scale {
+                gl.uniform_2_f32_slice(Some(at), &scale);
+            }
             for (at, row) in shader.clip.iter().zip(&plan.projection) {
                 gl.uniform_3_f32_slice(Some(at), row);
             }
             if let Some(at) = &shader.bulge {
                 gl.uniform_4_f32_slice(Some(at), &plan.bulge);
             }
-            if let Some(at) = &shader.haze {
-                gl.uniform_4_f32_slice(Some(at), &haze);
-            }
-            if let Some([key, fill]) = &shader.lights {
-                gl.uniform_3_f32_slice(Some(key), &light(plan.heading, KEY_LIGHT_DEG));
-                gl.uniform_3_f32_slice(Some(fill), &light(plan.heading, FILL_LIGHT_DEG));
-            }
+        }
+        if let Some(uniforms) = &shader.look {
+            uniforms.set(look, plan.heading);
         }
     }
 
@@ -421,15 +435,15 @@ impl TerrainRenderer {
         textures.bind_heights(at, HEIGHTS);
         let own = [level.window.i, level.window.j].map(|v| torus_texel(texels, v));
         // The coarser level's texel of this origin is half of it, in a torus of the same size. Without a coarser level
-        // the blend goes to the level itself.
-        let other = if level.has_coarser {
-            [level.window.i, level.window.j].map(|v| torus_texel(2 * texels, v))
-        } else {
-            [0, 0]
-        };
+        // nothing is blended.
+        let coarser_own = [level.window.i, level.window.j].map(|v| torus_texel(2 * texels, v));
+        let texel = 1.0 / texels as f32;
+        let centre = |own: usize| (own as f32 + 0.5) * texel;
+        let beyond =
+            |axis: usize| 0.5 * (coarser_own[axis] as f32 + 1.0) * texel - 0.5 * centre(own[axis]);
         let m = &level.morph;
         let inverse = if level.has_coarser {
-            (1.0 / (m.end - m.start)) as f32
+            1.0 / (m.end - m.start)
         } else {
             0.0
         };
@@ -446,17 +460,14 @@ impl TerrainRenderer {
                 Some(&shader.morph),
                 m.x as f32,
                 m.y as f32,
-                m.start as f32,
-                inverse,
+                (-m.start * inverse - BLEND_SLACK) as f32,
+                inverse as f32,
             );
             if let Some(location) = &shader.texels {
-                gl.uniform_4_f32(
-                    Some(location),
-                    own[0] as f32,
-                    own[1] as f32,
-                    other[0] as f32,
-                    other[1] as f32,
-                );
+                gl.uniform_3_f32(Some(location), centre(own[0]), centre(own[1]), texel);
+            }
+            if let Some(location) = &shader.coarser_at {
+                gl.uniform_2_f32(Some(location), beyond(0), beyond(1));
             }
             gl.uniform_2_f32(Some(&shader.depth), level.depth.0, level.depth.1);
             gl.depth_range_f32(level.slice.0, level.slice.1);
@@ -464,26 +475,17 @@ impl TerrainRenderer {
     }
 }
 
-/// Where the lights stand: degrees clockwise from the view's heading, and degrees above the horizon. Maps are lit from the
-/// upper left because relief then reads as relief; in a forward view that is from the left. A light that
-/// stood in the north-west would come from behind on a south-easterly heading and flatten everything. The weaker one tells
-/// slopes along the first apart.
-const KEY_LIGHT_DEG: (f64, f64) = (-88.0, 40.0);
-const FILL_LIGHT_DEG: (f64, f64) = (70.0, 25.0);
-
-/// The unit vector east, north, up towards a light.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "numbers for the shader, which is f32"
-)]
-fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64)) -> [f32; 3] {
-    let (sin, cos) = (heading.0 + azimuth_deg.to_radians()).sin_cos();
-    let (up, along) = elevation_deg.to_radians().sin_cos();
-    [(along * sin) as f32, (along * cos) as f32, up as f32]
-}
-
 /// Clear colour whose bytes are the f32 +infinity: no terrain.
 pub const RANGE_CLEAR: [f32; 4] = [0.0, 0.0, 128.0 / 255.0, 127.0 / 255.0];
+
+const _: () = assert!(
+    size_of::<Block>() == 8,
+    "the vertex array reads eight bytes"
+);
+
+/// How much later than planned a blend begins and ends: so little that nobody sees it, and more than what rounding in f32
+/// can add to zero. It ends a whole post before the window does, where it is therefore still complete.
+const BLEND_SLACK: f64 = 1e-5;
 
 /// A size of ours as GL takes it: at most a few thousand.
 fn texel(v: usize) -> u32 {

@@ -3,7 +3,8 @@
 //! The inputs are read once to learn where they lie and what they hold; that decides the grid (the coarsest of
 //! [`POSTS_PER_DEGREE`] that is not coarser than the finest input, a tenth of tolerance allowed) and the scale (see
 //! `scale`). Then degree cell after degree cell is put together ([`crate::terrain::bake_cell`]) and scattered to the
-//! tiles of all levels ([`crate::terrain::bake_levels`]).
+//! tiles of all levels ([`crate::terrain::bake_levels`]). Where inputs reach beyond 69 degrees of latitude, the posts of
+//! that pole's cap are made from the finished ones ([`crate::terrain::bake_cap`]).
 //!
 //! A sample that stands on a post is copied; posts between samples are interpolated bilinearly. Where several inputs
 //! cover a post, the finest gives it, then the southernmost, then the westernmost, then by name: the pack does not
@@ -12,12 +13,14 @@
 //! Memory: inputs up to `CACHE_BYTES` (or those around one cell, if they are larger), one cell with its margin (about
 //! 12 bytes a post) and the tiles still open.
 
+use crate::terrain::bake_cap;
 use crate::terrain::bake_cell::{Disagreement, Frame, Layer, MARGIN};
 use crate::terrain::bake_levels::{Levels, cells};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, POSTS_PER_DEGREE};
 use crate::terrain::input::{self, InputError};
 use crate::terrain::pack::{Bounds, PackInfo, PostRect, SourceInfo};
+use crate::terrain::partition::Partition;
 use crate::terrain::raster::{Contents, Geometry, Placement, Raster};
 use crate::terrain::store::Scale;
 use std::io;
@@ -30,6 +33,10 @@ const CACHE_BYTES: usize = 512 << 20;
 
 /// Inputs may overlap by this much of a degree and still be neighbours (72"): USGS tiles share 6 samples on each side.
 const SHARED_EDGE_DEG: f64 = 0.02;
+
+/// A pack gets a cap when an input reaches beyond this latitude, degrees north or south: the seam is at 70, and who flies
+/// north of it sees what lies south of it.
+const CAP_FROM_DEG: i32 = 69;
 
 /// How many times finer than the grid an input may be, so that "about 1 arc second" takes the 1" grid.
 const FINER_BY: f64 = 1.1;
@@ -130,7 +137,7 @@ struct Input {
     rect: PostRect,
 }
 
-/// Bakes. `progress` is called with the cells done and their number.
+/// Bakes. `progress` is called with the cells done and their number; then the same for the tiles of each cap.
 ///
 /// # Errors
 /// See [`BakeError`]; whatever happens, `out` is either the old file or a whole pack.
@@ -173,10 +180,33 @@ pub fn bake(job: &Job<'_>, progress: &mut dyn FnMut(usize, usize)) -> Result<Rep
         levels.flush((latitude + 1) * posts, east).map_err(failed)?;
     }
     progress(cells.len(), cells.len());
+    for cap in caps(grid, &rects) {
+        let mut proceed = |done, all| {
+            progress(done, all);
+            !job.stop.load(Ordering::Relaxed)
+        };
+        bake_cap::add(&mut levels, (grid, scale), cap, job.jobs, &mut proceed).map_err(failed)?;
+    }
+    if job.stop.load(Ordering::Relaxed) {
+        return Err(BakeError::Stopped);
+    }
     let sources: Vec<SourceInfo> = inputs.iter().map(Input::source).collect();
     let info = levels.finish(&geoid, &sources).map_err(failed)?;
     let seams = found.iter().map(|d| seam(grid, &inputs, d)).collect();
     Ok(Report { info, seams })
+}
+
+/// The caps that inputs reach into.
+fn caps(grid: Grid, rects: &[PostRect]) -> impl Iterator<Item = Partition> + '_ {
+    let from = CAP_FROM_DEG * grid.posts_per_degree.cast_signed();
+    [Partition::North, Partition::South]
+        .into_iter()
+        .filter(move |cap| {
+            rects.iter().any(|r| match cap {
+                Partition::South => r.south < -from,
+                Partition::North | Partition::Geographic => r.north > from,
+            })
+        })
 }
 
 /// Reads every input once; chooses the grid; refuses what cannot be put together.
@@ -201,8 +231,8 @@ fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
         .filter_map(|(path, geometry, contents)| {
             let placement = geometry.placement(grid);
             let rect = match job.region {
-                Some(region) => cut(grid, &placement.rect(), &region)?,
-                None => placement.rect(),
+                Some(region) => cut(grid, &placement.rect(grid), &region)?,
+                None => placement.rect(grid),
             };
             Some(Input {
                 path,

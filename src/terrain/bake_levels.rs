@@ -7,14 +7,14 @@
 use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TILE_SIDE, TileKey};
-use crate::terrain::pack::{PackInfo, PostRect, SourceInfo};
+use crate::terrain::pack::{PackInfo, PostRect, SourceInfo, Tiles};
 use crate::terrain::partition::Partition;
 use crate::terrain::store::{EncodedTile, PackWriter, Scale, Statistics};
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
-/// Finished posts of a rectangle whose columns are canonical.
+/// Finished posts of a rectangle; in the geographic partition its columns are canonical.
 #[derive(Debug)]
 pub struct Block {
     /// Level-0 row of the southernmost posts.
@@ -60,6 +60,7 @@ struct OpenTile {
 pub struct Levels {
     grid: Grid,
     scale: Scale,
+    partition: Partition,
     writer: PackWriter,
     open: BTreeMap<TileKey, OpenTile>,
     encoders: Vec<Encoder>,
@@ -76,7 +77,7 @@ impl std::fmt::Debug for Levels {
 }
 
 impl Levels {
-    /// Begins a pack; `jobs` threads encode.
+    /// Begins a pack, with the geographic partition; `jobs` threads encode.
     ///
     /// # Errors
     /// If the temporary file cannot be made.
@@ -84,6 +85,7 @@ impl Levels {
         Ok(Self {
             grid,
             scale,
+            partition: Partition::Geographic,
             writer: PackWriter::create(target, grid, scale)?,
             open: BTreeMap::new(),
             encoders: (0..jobs.max(1)).map(|_| Encoder::new()).collect(),
@@ -91,9 +93,29 @@ impl Levels {
         })
     }
 
+    /// Writes what is left of the partition and goes on to another. Gives the level-0 tiles of the geographic one that
+    /// reach at least `row_min` rows from the equator, on the side of the cap.
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub(crate) fn turn_to(&mut self, cap: Partition, row_min: i32) -> io::Result<Tiles> {
+        let rest: Vec<(TileKey, OpenTile)> = std::mem::take(&mut self.open).into_iter().collect();
+        self.write(&rest)?;
+        self.partition = cap;
+        self.writer.written(|key| {
+            let beyond = match cap {
+                Partition::South => -key.south(),
+                Partition::North | Partition::Geographic => key.south() + TILE_SIDE - 1,
+            };
+            key.partition == Partition::Geographic && key.level == 0 && beyond >= row_min
+        })
+    }
+
     /// Puts a block's posts into the tiles of every level.
     pub fn scatter(&mut self, block: &Block) {
-        self.count(block);
+        if self.partition == Partition::Geographic {
+            self.count(block);
+        }
         let rows = block.posts.len() / block.columns.max(1);
         let Ok(rows) = i32::try_from(rows) else {
             return;
@@ -119,7 +141,7 @@ impl Levels {
         let west = block.west.div_euclid(step) + i32::from(block.west.rem_euclid(step) != 0);
         let mut i = west;
         while let Some(place) = within(i * step - block.west, block.columns) {
-            let key = TileKey::of_post(Partition::Geographic, level, i, j);
+            let key = TileKey::of_post(self.partition, level, i, j);
             let next = (key.column + 1) * TILE_SIDE;
             let posts = row[place..].iter().step_by(offset(step));
             let posts = posts.take(offset(next - i)).enumerate();

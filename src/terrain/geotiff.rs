@@ -53,6 +53,7 @@ pub fn read(bytes: Vec<u8>) -> Result<Raster, InputError> {
         samples: samples(&mut tiff, columns, rows)?,
     };
     raster.mark_voids(nodata);
+    raster.close();
     Ok(raster)
 }
 

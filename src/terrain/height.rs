@@ -119,7 +119,7 @@ impl<'a> GroundReader<'a> {
 }
 
 /// The post at or before a coordinate, and how far the point is towards the next.
-fn split(grid: Grid, degrees: f64) -> (i32, f64) {
+pub(crate) fn split(grid: Grid, degrees: f64) -> (i32, f64) {
     let posts = degrees * f64::from(grid.posts_per_degree);
     let near = posts.round();
     let posts = if (posts - near).abs() < ON_POST {

@@ -42,7 +42,7 @@
 //! | 1 | u8 | partition: 0 geographic, 1 north cap, 2 south cap ([`Partition`]); 2 bytes of zero follow |
 //! | 4, 8 | i32, i32 | tile column, tile row |
 //! | 12, 14 | u16, u16 | lowest and highest quanta among all posts, filled ones too |
-//! | 16 | f32 | largest difference between a stored height and its source, metres; 0 for whole metres |
+//! | 16 | f32 | largest difference between a stored height and its source, metres; 0 for copied whole metres; on level 0 of a cap, between the surface that its heights span and the sources' posts |
 //! | 20, 22 | u16, u16 | void posts (posts outside every source too), water posts |
 //! | 24 | u64 | offset of the stored bytes |
 //! | 32, 36 | u32, u32 | their number and CRC |
@@ -137,7 +137,8 @@ pub struct TileHeader {
     pub min_m: f64,
     /// Highest orthometric height of a post (filled ones too), metres.
     pub max_m: f64,
-    /// Largest difference between a stored height and its source, metres; 0 for whole metres.
+    /// Largest difference between a stored height and its source, metres; 0 for copied whole metres. On level 0 of a cap,
+    /// between the surface that its heights span (bilinear) and the sources' posts.
     pub max_error_m: f32,
     /// Void posts, those outside every source too.
     pub void_posts: u16,
@@ -245,12 +246,56 @@ impl TileReader {
     }
 }
 
+/// Tiles in a file, by their index: those of a pack, or those that a bake has written so far.
+#[derive(Debug)]
+pub(crate) struct Tiles {
+    file: File,
+    /// Sorted by key.
+    entries: Vec<Entry>,
+}
+
+impl Tiles {
+    pub(crate) const fn new(file: File, entries: Vec<Entry>) -> Self {
+        Self { file, entries }
+    }
+
+    pub(crate) fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    pub(crate) fn entry(&self, key: TileKey) -> Option<&Entry> {
+        let at = self.entries.binary_search_by_key(&key, |e| e.key).ok()?;
+        self.entries.get(at)
+    }
+
+    /// Reads a tile. Allocates nothing; blocks on the disk. On an error `tile` is unchanged.
+    pub(crate) fn read(
+        &self,
+        key: TileKey,
+        reader: &mut TileReader,
+        tile: &mut Tile,
+    ) -> Result<(), TileError> {
+        let entry = self.entry(key).ok_or(TileError::Absent)?;
+        // No entry is longer than the buffer: the encoder makes none, and opening a pack refuses others.
+        let stored = &mut reader.stored[..entry.length as usize];
+        self.file
+            .read_exact_at(stored, entry.offset)
+            .map_err(|e| match e.kind() {
+                io::ErrorKind::UnexpectedEof => TileError::CutShort,
+                _ => TileError::Io(e),
+            })?;
+        if CRC.checksum(stored) != entry.crc {
+            return Err(TileError::Checksum);
+        }
+        Ok(reader.decoder.decode(stored, tile)?)
+    }
+}
+
 /// An open pack: the file, and its index, geoid and sources in memory. Threads may share it.
 #[derive(Debug)]
 pub struct Pack {
-    file: File,
+    tiles: Tiles,
     info: PackInfo,
-    entries: Vec<Entry>,
     geoid: GeoidGrid,
     sources: Vec<SourceInfo>,
 }
@@ -290,9 +335,8 @@ impl Pack {
         let sources = section(sources, info.bytes, header.crcs[2], "list of sources")?;
         let sources = parse_sources(&sources).ok_or(PackError::Damaged("list of sources"))?;
         Ok(Self {
-            file,
+            tiles: Tiles::new(file, entries),
             info,
-            entries,
             geoid,
             sources,
         })
@@ -318,13 +362,13 @@ impl Pack {
 
     /// Every tile it has, in the order of the index: partition, level, row, column.
     pub fn keys(&self) -> impl Iterator<Item = TileKey> + '_ {
-        self.entries.iter().map(|e| e.key)
+        self.tiles.entries().iter().map(|e| e.key)
     }
 
     /// Whether it has a tile.
     #[must_use]
     pub fn contains(&self, key: TileKey) -> bool {
-        self.entry(key).is_some()
+        self.tiles.entry(key).is_some()
     }
 
     /// Whether a source covers the level-0 post at canonical column `i` and row `j`.
@@ -338,7 +382,7 @@ impl Pack {
     /// What the index says of a tile; `None` if the pack does not have it.
     #[must_use]
     pub fn tile_header(&self, key: TileKey) -> Option<TileHeader> {
-        let entry = self.entry(key)?;
+        let entry = self.tiles.entry(key)?;
         Some(TileHeader {
             min_m: self.orthometric_m(entry.min),
             max_m: self.orthometric_m(entry.max),
@@ -365,23 +409,6 @@ impl Pack {
         reader: &mut TileReader,
         tile: &mut Tile,
     ) -> Result<(), TileError> {
-        let entry = self.entry(key).ok_or(TileError::Absent)?;
-        // `open` has checked that no entry is longer than the buffer.
-        let stored = &mut reader.stored[..entry.length as usize];
-        self.file
-            .read_exact_at(stored, entry.offset)
-            .map_err(|e| match e.kind() {
-                io::ErrorKind::UnexpectedEof => TileError::CutShort,
-                _ => TileError::Io(e),
-            })?;
-        if CRC.checksum(stored) != entry.crc {
-            return Err(TileError::Checksum);
-        }
-        Ok(reader.decoder.decode(stored, tile)?)
-    }
-
-    fn entry(&self, key: TileKey) -> Option<&Entry> {
-        let at = self.entries.binary_search_by_key(&key, |e| e.key).ok()?;
-        self.entries.get(at)
+        self.tiles.read(key, reader, tile)
     }
 }

@@ -7,7 +7,7 @@ use crate::terrain::pack::PostRect;
 /// outside is no measurement, whatever the file calls it.
 const PLAUSIBLE_M: std::ops::RangeInclusive<f32> = -12_000.0..=9_000.0;
 
-/// A sample this close to a post, in spacings, stands on it. GeoTIFF writers round the spacing to 9 or more digits, which
+/// A sample this close to a post, in spacings of the finer of the two, stands on it. GeoTIFF writers round the spacing to 9 or more digits, which
 /// adds up to a few thousandths over a tile.
 const ON_POST: f64 = 0.01;
 
@@ -62,6 +62,20 @@ impl Geometry {
         1.0 / self.step_east_deg.min(self.step_south_deg)
     }
 
+    /// The columns of one turn around the Earth, if it has them all, and perhaps the first once more at the end.
+    fn turn(&self) -> Option<usize> {
+        let around = 360.0 / self.step_east_deg;
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "a positive count; one too large for a raster is none that closes"
+        )]
+        let turn = around.round() as usize;
+        let closes = (around - around.round()).abs() < ON_POST
+            && (self.columns == turn || self.columns == turn + 1);
+        closes.then_some(turn)
+    }
+
     /// How it lies on a grid.
     #[must_use]
     pub fn placement(&self, grid: Grid) -> Placement {
@@ -103,6 +117,68 @@ impl Raster {
                 }
             }
         }
+    }
+
+    /// Closes a raster that goes around the Earth, so that there is ground between its last column and its first, and at
+    /// the poles: it begins at 180 degrees west or just west of it and has its first columns again behind its last. A pole
+    /// is one place: a row on it is made its mean; where the outermost row is half a spacing short of it, a row half a
+    /// spacing beyond is added such that in between, on the pole, lies the mean of the outermost. Other rasters stay as
+    /// they are.
+    pub fn close(&mut self) {
+        let g = self.geometry;
+        let Some(turn) = g.turn() else { return };
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "columns from 180 W on: 0 up to a turn"
+        )]
+        let first = ((-180.0 - g.west_deg).rem_euclid(360.0) / g.step_east_deg + ON_POST).floor()
+            as usize
+            % turn;
+        #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
+        let (west_deg, rows_deg) = (
+            g.west_deg + g.step_east_deg * first as f64,
+            g.step_south_deg * (g.rows.max(1) - 1) as f64,
+        );
+        let width = turn + 2;
+        // Voids are NaN here.
+        let mut closed = Vec::with_capacity(width * (g.rows + 2));
+        for row in 0..g.rows {
+            let columns = (first..first + width).map(|column| row * g.columns + column % turn);
+            closed.extend(columns.map(|at| self.sample(at).unwrap_or(f32::NAN)));
+        }
+        let from_pole = [90.0 - g.north_deg, 90.0 - (rows_deg - g.north_deg)];
+        let steps = from_pole.map(|deg| deg / g.step_south_deg);
+        let last = closed.len() - width;
+        for (start, steps) in [(0, steps[0]), (last, steps[1])] {
+            if steps.abs() < ON_POST
+                && let Some(mean) = mean(&closed[start..start + turn])
+            {
+                closed[start..start + width].fill(mean);
+            }
+        }
+        let half = steps.map(|steps| (steps - 0.5).abs() < ON_POST);
+        if half[1] {
+            closed.extend(across_the_pole(&closed[last..], turn));
+        }
+        if half[0] {
+            closed.splice(0..0, across_the_pole(&closed[..width], turn));
+        }
+        self.geometry = Geometry {
+            columns: width,
+            rows: closed.len() / width,
+            west_deg: west_deg - if west_deg > 0.0 { 360.0 } else { 0.0 },
+            north_deg: g.north_deg + if half[0] { g.step_south_deg } else { 0.0 },
+            ..g
+        };
+        self.samples = match self.samples {
+            #[expect(clippy::cast_possible_truncation, reason = "heights on Earth")]
+            Samples::Whole(_) => {
+                let whole = |h: &f32| if h.is_nan() { i16::MIN } else { *h as i16 };
+                Samples::Whole(closed.iter().map(whole).collect())
+            }
+            Samples::Fractional(_) => Samples::Fractional(closed),
+        };
     }
 
     /// Its range and whether it holds fractions.
@@ -173,6 +249,23 @@ impl Raster {
     }
 }
 
+/// The mean of those of a row that are no voids, to half a metre; `None` if all are.
+fn mean(row: &[f32]) -> Option<f32> {
+    let known = row.iter().filter(|h| !h.is_nan());
+    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), h| {
+        (sum + f64::from(*h), count + 1.0)
+    });
+    #[expect(clippy::cast_possible_truncation, reason = "a height on Earth")]
+    (count > 0.0).then(|| (2.0 * sum / count).round() as f32 / 2.0)
+}
+
+/// The row that has, with a row half a spacing from a pole, the mean of that row's `turn` places halfway between them
+/// everywhere.
+fn across_the_pole(row: &[f32], turn: usize) -> Vec<f32> {
+    let twice = mean(&row[..turn]).map_or(f32::NAN, |mean| 2.0 * mean);
+    row.iter().map(|h| twice - h).collect()
+}
+
 /// How the samples along one axis lie on the posts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axis {
@@ -222,7 +315,9 @@ impl Axis {
     /// The first and last post it covers, inclusive. Samples on posts cover what lies between the outermost; samples
     /// elsewhere stand for their cell and cover half a spacing more.
     fn posts(&self) -> (i32, i32) {
-        let beyond = if self.on_posts { 0.0 } else { 0.5 * self.step };
+        // Rounding must not cost a post, nor win one.
+        let rounding = (ON_POST * self.step).min(0.5);
+        let beyond = rounding + if self.on_posts { 0.0 } else { 0.5 * self.step };
         #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let last = self.origin + self.step * (self.count.max(1) - 1) as f64;
         #[expect(
@@ -230,8 +325,8 @@ impl Axis {
             reason = "post coordinates of places on Earth fit; the readers reject others"
         )]
         (
-            (self.origin - beyond - ON_POST * self.step).ceil() as i32,
-            (last + beyond + ON_POST * self.step).floor() as i32,
+            (self.origin - beyond).ceil() as i32,
+            (last + beyond).floor() as i32,
         )
     }
 
@@ -241,7 +336,7 @@ impl Axis {
         #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let last = (self.count.max(1) - 1) as f64;
         let along = ((f64::from(post) - self.origin) / self.step).clamp(0.0, last);
-        let along = if (along - along.round()).abs() < ON_POST {
+        let along = if (along - along.round()).abs() * self.step.max(1.0) < ON_POST {
             along.round()
         } else {
             along
@@ -276,15 +371,18 @@ impl Placement {
         one(&self.east) && one(&self.south)
     }
 
-    /// The posts it covers.
+    /// The posts of a grid that it covers: none beyond the poles, and from 180 W to 180 E if it goes all around.
     #[must_use]
-    pub fn rect(&self) -> PostRect {
-        let (west, east) = self.east.posts();
+    pub fn rect(&self, grid: Grid) -> PostRect {
+        let (mut west, mut east) = self.east.posts();
+        if east - west > grid.posts_around() {
+            (west, east) = (-grid.posts_around() / 2, grid.posts_around() / 2);
+        }
         let (north, south) = self.south.posts();
         PostRect {
-            south: -south,
+            south: (-south).max(-grid.row_max()),
             west,
-            north: -north,
+            north: (-north).min(grid.row_max()),
             east,
         }
     }
@@ -321,7 +419,7 @@ mod tests {
             "a spacing rounded to ten digits is still 3 arc seconds"
         );
         assert_eq!(
-            p.rect(),
+            p.rect(GRID),
             PostRect {
                 south: 61_199,
                 west: 16_800,
@@ -362,7 +460,7 @@ mod tests {
         let half = 0.5 / 1200.0;
         let p = raster(1.0 / 1200.0, half, -half).geometry.placement(GRID);
         assert_eq!(
-            p.rect(),
+            p.rect(GRID),
             PostRect {
                 south: -2,
                 west: 0,
@@ -385,6 +483,79 @@ mod tests {
                 fraction: 0.5
             }
         );
+    }
+
+    /// A raster of 30 degrees around the Earth, its rows half a spacing short of the poles or on them.
+    fn global(west_deg: i32, columns: usize, rows: usize) -> Raster {
+        let on_poles = rows == 7;
+        let samples = (0..rows).flat_map(|row| {
+            (0..columns).map(move |column| 100.0 * row as f32 + (column % 12) as f32)
+        });
+        Raster {
+            geometry: Geometry {
+                columns,
+                rows,
+                west_deg: f64::from(west_deg),
+                north_deg: if on_poles { 90.0 } else { 75.0 },
+                step_east_deg: 30.0,
+                step_south_deg: 30.0,
+            },
+            samples: Samples::Fractional(samples.collect()),
+        }
+    }
+
+    #[test]
+    fn a_raster_around_the_earth_is_closed_at_the_date_line_and_the_poles() {
+        for (west_deg, columns, rows) in [(-180, 12, 6), (-180, 13, 6), (20, 13, 7), (165, 12, 7)] {
+            let mut r = global(west_deg, columns, rows);
+            let before = r.clone();
+            r.close();
+            let p = r.geometry.placement(GRID);
+            let rect = p.rect(GRID);
+            assert_eq!(
+                (rect.south, rect.north),
+                (-90 * 1200, 90 * 1200),
+                "pole to pole"
+            );
+            assert_eq!(rect.east - rect.west, GRID.posts_around(), "all around");
+            assert_eq!(rect.west, -216_000);
+            let height = |i: i32, j: i32| {
+                r.height_m(p.east.place(i), p.south.place(-j))
+                    .expect("no void")
+            };
+            for j in [-108_000, 108_000] {
+                for step in 0..=72 {
+                    assert_eq!(
+                        height(rect.west + 6000 * step, j).to_bits(),
+                        height(rect.west, j).to_bits(),
+                        "a pole is one place"
+                    );
+                }
+            }
+            assert_eq!(
+                height(rect.west, 6000).to_bits(),
+                height(rect.east, 6000).to_bits()
+            );
+            // Every sample off the poles is where it was.
+            let old = before.geometry.placement(GRID);
+            for row in 1..5 {
+                let j = (if rows == 7 { 90 } else { 75 } - 30 * row) * 1200;
+                for column in 0..12 {
+                    let i = (west_deg + 30 * column) * 1200;
+                    let want = before.height_m(old.east.place(i), old.south.place(-j));
+                    let turned = rect.west + (i - rect.west).rem_euclid(GRID.posts_around());
+                    assert_eq!(Some(height(turned, j)), want, "{i} {j}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn other_rasters_are_not_closed() {
+        let mut r = raster(1.0, 14.0, 51.0);
+        let before = r.clone();
+        r.close();
+        assert_eq!(r, before);
     }
 
     #[test]

@@ -156,7 +156,7 @@ impl Rings {
                 }
                 let block = ring.blocks[usize::from(c.block)];
                 plan.blocks.push(block);
-                plan.triangles += 2 * usize::from(block.width) * usize::from(block.height);
+                plan.triangles += block.triangles();
                 let so_far = all.unwrap_or(c.span);
                 all = Some(Span {
                     near_m: so_far.near_m.min(c.span.near_m),
@@ -271,10 +271,10 @@ impl Ground<'_> {
     /// Around a block, from the extremes of its heights.
     fn bound(&self, plan: &LevelPlan, block: Block) -> Bound {
         let (west, south) = (
-            plan.window.i + i32::from(block.x),
-            plan.window.j + i32::from(block.y),
+            plan.window.i + i32::from(block.west),
+            plan.window.j + i32::from(block.south),
         );
-        let (width, height) = (i32::from(block.width), i32::from(block.height));
+        let (width, height) = (block.width(), block.height());
         let (low, high) = self
             .streamer
             .extremes(plan.level, (west, south), (width, height));
@@ -291,17 +291,16 @@ impl Ground<'_> {
 
     /// The tops of a block's quarters.
     fn tops_m(&self, plan: &LevelPlan, block: Block) -> Tops {
-        let west = plan.window.i + i32::from(block.x);
-        let south = plan.window.j + i32::from(block.y);
+        let west = plan.window.i + i32::from(block.west);
+        let south = plan.window.j + i32::from(block.south);
         // The posts of half a side, with those on its ends.
-        let half = |first: i32, cells: u16, k: i32| {
-            let cells = i32::from(cells);
+        let half = |first: i32, cells: i32, k: i32| {
             (first + cells * k / 2, first + (cells * (k + 1) + 1) / 2)
         };
         [0, 1].map(|row| {
-            let (from_j, to_j) = half(south, block.height, row);
+            let (from_j, to_j) = half(south, block.height(), row);
             [0, 1].map(|column| {
-                let (from_i, to_i) = half(west, block.width, column);
+                let (from_i, to_i) = half(west, block.width(), column);
                 let code = self
                     .streamer
                     .top_code(plan.level, (from_i, from_j), (to_i, to_j));
@@ -324,10 +323,10 @@ impl Ground<'_> {
         bound: &Bound,
         lattice: &Lattice,
     ) {
-        let (w, h) = (i32::from(block.width), i32::from(block.height));
+        let (w, h) = (block.width(), block.height());
         let (west, south) = (
-            plan.window.i + i32::from(block.x),
-            plan.window.j + i32::from(block.y),
+            plan.window.i + i32::from(block.west),
+            plan.window.j + i32::from(block.south),
         );
         let northward = silhouette.prefers_columns(bound);
         let (lines, posts, first) = if northward {
@@ -360,17 +359,19 @@ const GROUP: usize = 8;
 /// The blocks of a ring from the `first` on that stand together in a row: one past the last, and the rectangle of them.
 fn group(blocks: &[Block], first: usize) -> Option<(usize, Block)> {
     let start = blocks.get(first)?;
-    let row = blocks[first..]
+    let in_row =
+        |b: &&Block| (b.south, b.north) == (start.south, start.north) && b.west >= start.west;
+    let count = blocks[first..]
         .iter()
         .take(GROUP)
-        .take_while(|b| (b.y, b.height) == (start.y, start.height) && b.x >= start.x);
-    let count = row.clone().count();
-    let last = &blocks[first + count - 1];
+        .take_while(in_row)
+        .count();
+    let end = first + count;
     let rect = Block {
-        width: last.x + last.width - start.x,
+        east: blocks[end - 1].east,
         ..*start
     };
-    Some((first + count, rect))
+    Some((end, rect))
 }
 
 /// Every how many posts a line is followed: an even number, since even rows and columns are edges at any blend.

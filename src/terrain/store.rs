@@ -4,7 +4,7 @@
 use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TileKey};
-use crate::terrain::pack::{FORMAT, HEADER_BYTES, PackInfo, PostRect, SourceInfo};
+use crate::terrain::pack::{FORMAT, HEADER_BYTES, PackInfo, PostRect, SourceInfo, Tiles};
 use crate::terrain::pack_format::{CRC, Entry, Header, partitions, rect_bytes};
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
@@ -115,6 +115,7 @@ impl PackWriter {
         part_name.push(format!(".{}.part", std::process::id()));
         let part = target.with_file_name(part_name);
         let file = OpenOptions::new()
+            .read(true)
             .write(true)
             .create_new(true)
             .open(&part)?;
@@ -145,6 +146,19 @@ impl PackWriter {
         });
         self.end += tile.stored.len() as u64;
         Ok(())
+    }
+
+    /// The tiles written so far that are `wanted`, to be read while more are added.
+    ///
+    /// # Errors
+    /// If what is buffered cannot be written, or the file not be read.
+    pub(crate) fn written(&mut self, wanted: impl Fn(&TileKey) -> bool) -> io::Result<Tiles> {
+        self.out.flush()?;
+        let file = self.out.get_ref().try_clone()?;
+        let entries = self.entries.iter().filter(|e| wanted(&e.key));
+        let mut entries: Vec<Entry> = entries.copied().collect();
+        entries.sort_unstable_by_key(|e| e.key);
+        Ok(Tiles::new(file, entries))
     }
 
     /// Writes index, geoid, sources and header, syncs, and gives the file its name.

@@ -3,8 +3,9 @@
 use glam::DVec3;
 use glasswing::geo::{Attitude, Camera, Geodetic, WGS84_A_M, WGS84_B_M};
 use glasswing::gl::Gpu;
+use glasswing::gl::look::Look;
 use glasswing::gl::target::Target;
-use glasswing::gl::terrain::{Look, RANGE_CLEAR, TerrainRenderer};
+use glasswing::gl::terrain::{RANGE_CLEAR, TerrainRenderer};
 use glasswing::terrain::clipmap::Shape;
 use glasswing::terrain::scene::{FrameFigures, Settings};
 use glasswing::terrain::surface::TileSource;

@@ -9,6 +9,7 @@
 )]
 
 pub(crate) mod booth;
+pub(crate) mod earth;
 #[path = "../support/mod.rs"]
 pub(crate) mod support;
 
@@ -34,37 +35,42 @@ pub(crate) struct Land {
 
 const BASE_M: f64 = -1000.0;
 
+/// A pack of the whole Earth in the geographic partition.
+fn info(posts_per_degree: u32) -> PackInfo {
+    let grid = Grid { posts_per_degree };
+    let rect = PostRect {
+        south: -grid.row_max(),
+        west: -grid.posts_around() / 2,
+        north: grid.row_max(),
+        east: grid.posts_around() / 2 - 1,
+    };
+    PackInfo {
+        version: 2,
+        grid,
+        levels: grid.level_count(),
+        partitions: [true, false, false],
+        rect,
+        bounds: Bounds {
+            south_deg: -90.0,
+            west_deg: -180.0,
+            north_deg: 90.0,
+            east_deg: 180.0,
+        },
+        unit_m: 1.0,
+        base_m: BASE_M,
+        height_min_m: -500.0,
+        height_max_m: 7000.0,
+        tiles: 0,
+        posts: 0,
+        void_posts: 0,
+        water_posts: 0,
+        bytes: 0,
+    }
+}
+
 impl Land {
     pub(crate) fn new(posts_per_degree: u32, formula: Formula) -> Self {
-        let grid = Grid { posts_per_degree };
-        let rect = PostRect {
-            south: -grid.row_max(),
-            west: -grid.posts_around() / 2,
-            north: grid.row_max(),
-            east: grid.posts_around() / 2 - 1,
-        };
-        let info = PackInfo {
-            version: 2,
-            grid,
-            levels: grid.level_count(),
-            partitions: [true, false, false],
-            rect,
-            bounds: Bounds {
-                south_deg: -90.0,
-                west_deg: -180.0,
-                north_deg: 90.0,
-                east_deg: 180.0,
-            },
-            unit_m: 1.0,
-            base_m: BASE_M,
-            height_min_m: -500.0,
-            height_max_m: 7000.0,
-            tiles: 0,
-            posts: 0,
-            void_posts: 0,
-            water_posts: 0,
-            bytes: 0,
-        };
+        let info = info(posts_per_degree);
         Self {
             info,
             formula,

@@ -200,6 +200,7 @@ pub(crate) fn baked_as(
 /// Posts of a pack by level, read tile by tile.
 pub(crate) struct Posts<'a> {
     pack: &'a Pack,
+    partition: Partition,
     reader: TileReader,
     tile: Tile,
     held: Option<TileKey>,
@@ -207,17 +208,30 @@ pub(crate) struct Posts<'a> {
 
 impl<'a> Posts<'a> {
     pub(crate) fn of(pack: &'a Pack) -> Self {
+        Self::in_partition(pack, Partition::Geographic)
+    }
+
+    pub(crate) fn in_partition(pack: &'a Pack, partition: Partition) -> Self {
         Self {
             pack,
+            partition,
             reader: TileReader::new(),
             tile: Tile::filled(0, SurfaceKind::Void),
             held: None,
         }
     }
 
+    /// What the index states of the tile that a post is in: the largest error, metres. `None` without a tile.
+    pub(crate) fn stated_error_m(&self, level: u8, i: i32, j: i32) -> Option<f64> {
+        let header = self
+            .pack
+            .tile_header(TileKey::of_post(self.partition, level, i, j))?;
+        Some(f64::from(header.max_error_m))
+    }
+
     /// Orthometric height and kind of a post.
     pub(crate) fn at(&mut self, level: u8, i: i32, j: i32) -> (f64, SurfaceKind) {
-        let key = TileKey::of_post(Partition::Geographic, level, i, j);
+        let key = TileKey::of_post(self.partition, level, i, j);
         if self.held != Some(key) {
             self.pack
                 .read_tile(key, &mut self.reader, &mut self.tile)

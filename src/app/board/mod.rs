@@ -8,6 +8,7 @@ mod reader;
 
 use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;
+use crate::gl::look::Palette;
 use crate::limits::SOURCES_MAX;
 use crate::proto::Protocol;
 use crate::screen::{self, ModeWish, Wishes};
@@ -32,6 +33,8 @@ pub struct Board {
     pub screen: ScreenWish,
     /// Horizontal field of view of the picture.
     pub hfov: Radians,
+    /// For which eyes terrain and sky are drawn at start.
+    pub palette: Palette,
     /// What the pilot reads the altimeter setting in.
     pub pressure: PressureUnit,
     /// Airspeed marks; absent ones are not drawn.
@@ -90,6 +93,10 @@ pub struct TerrainWish {
     pub vertices: u32,
     /// Height samples uploaded per frame at most.
     pub upload_texels_per_frame: u32,
+    /// Whether ground is coloured by its height relative to the aircraft at start.
+    pub awareness: bool,
+    /// Whether lines of latitude and longitude lie on the ground at start.
+    pub grid: bool,
 }
 
 /// One source of flight data.
@@ -234,6 +241,8 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
     let sources = root.tables("source", problems);
     let screen_wish = read_screen(&mut screen, problems);
     let hfov = view.number("hfov_deg", 2.0..=120.0, problems);
+    let palettes = [("day", Palette::Day), ("night", Palette::Night)];
+    let palette = view.choice("palette", &palettes, problems);
     let pressure = read_units(&mut units, problems);
     let marks = read_airspeeds(&mut airspeeds, problems);
     let terrain_wish = read_terrain(&mut terrain, file, problems);
@@ -246,6 +255,7 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
         file: file.to_owned(),
         screen: screen_wish?,
         hfov: Radians::from_degrees(hfov?),
+        palette: palette?,
         pressure: pressure?,
         airspeeds: marks,
         terrain: terrain_wish?,
@@ -326,10 +336,14 @@ fn read_terrain(r: &mut Reader, file: &Path, problems: &mut Vec<Problem>) -> Opt
         .map(|p| file.parent().unwrap_or(Path::new("")).join(p));
     let vertices = r.choice_of_number("vertices", &[127, 191, 255], problems);
     let upload = r.whole("upload_texels_per_frame", 4096..=1_048_576, problems);
+    let awareness = r.flag("awareness", problems);
+    let grid = r.flag("grid", problems);
     Some(TerrainWish {
         pack,
         vertices: vertices?,
         upload_texels_per_frame: upload?,
+        awareness: awareness?,
+        grid: grid?,
     })
 }
 

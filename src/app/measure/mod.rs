@@ -1,0 +1,228 @@
+//! `glasswing measure`: figures of the terrain, each with how it was obtained.
+#![expect(clippy::print_stdout, reason = "the command's output")]
+
+pub mod accuracy;
+pub mod bench;
+pub mod drawn;
+pub mod plot;
+pub mod pop;
+pub mod position;
+pub mod speed;
+pub mod surface;
+pub mod table;
+pub mod watertight;
+
+use crate::app::cockpit;
+use crate::app::error::{Failure, Kind};
+use crate::app::picture::Size;
+use crate::app::shot::{self, Backend};
+use crate::gl::Gpu;
+use crate::terrain::clipmap::Shape;
+use crate::terrain::pack::Pack;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// What is measured.
+#[derive(Debug, clap::Subcommand)]
+pub enum MeasureCommand {
+    /// How exact the picture is: positions, surface, skyline, summits, holes, popping, normals.
+    ///
+    /// Reads the terrain's own vertex shader back and compares it with geodesy in 64 bits; casts rays through the finest
+    /// posts; looks for holes in random views and at every hard case. A planet in memory serves where no pack is given.
+    #[command(
+        after_help = "Example:\n  glasswing measure accuracy --pack andes.pack --json accuracy.json"
+    )]
+    Accuracy(AccuracyArgs),
+    /// How fast it is drawn: frame times, work, triangles, and the error that they buy, for several sizes of level.
+    #[command(after_help = "Example:\n  glasswing measure speed --pack andes.pack --plot plots")]
+    Speed(SpeedArgs),
+}
+
+/// What both commands take.
+#[derive(Debug, clap::Args)]
+pub struct CommonArgs {
+    /// Measure this terrain pack too
+    #[arg(long, value_name = "PACK")]
+    pack: Option<PathBuf>,
+    /// Write all figures to this file
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write plots (SVG) into this folder
+    #[arg(long, value_name = "DIR")]
+    plot: Option<PathBuf>,
+    /// What draws
+    #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
+    backend: Backend,
+}
+
+/// Arguments of `measure accuracy`.
+#[derive(Debug, clap::Args)]
+pub struct AccuracyArgs {
+    #[command(flatten)]
+    common: CommonArgs,
+    /// Random views that are looked at for holes
+    #[arg(long, value_name = "N", default_value_t = 10_000)]
+    poses: usize,
+    /// Seconds of each flight that is watched for popping
+    #[arg(long, value_name = "S", default_value_t = 60.0)]
+    seconds: f64,
+    /// Vertices along a side of a level
+    #[arg(long, value_name = "N", value_parser = parse_shape)]
+    vertices: Option<Shape>,
+}
+
+/// Arguments of `measure speed`.
+#[derive(Debug, clap::Args)]
+pub struct SpeedArgs {
+    #[command(flatten)]
+    common: CommonArgs,
+    /// Frames of each measurement
+    #[arg(long, value_name = "N", default_value_t = 240)]
+    frames: u32,
+    /// Vertices along a side of a level; may be given several times
+    #[arg(long, value_name = "N", value_parser = parse_shape)]
+    vertices: Vec<Shape>,
+}
+
+fn parse_shape(text: &str) -> Result<Shape, String> {
+    let shape = text.parse().ok().and_then(Shape::new);
+    shape.ok_or_else(|| {
+        "one less than a multiple of 16 is needed, 63 to 447, as in 127 or 255".to_owned()
+    })
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// [`Failure`]: no or a damaged pack (3), no GPU (4), a file that cannot be written (1).
+pub fn run(command: MeasureCommand) -> Result<(), Failure> {
+    match command {
+        MeasureCommand::Accuracy(args) => {
+            let effort = accuracy::Effort {
+                poses: args.poses,
+                seconds: args.seconds.clamp(1.0, 600.0),
+            };
+            let shape = args.vertices.unwrap_or(Shape::DEFAULT);
+            measured(
+                &args.common,
+                |gpu, pack, progress| accuracy::run(gpu, pack, shape, effort, progress),
+                |value| (table::accuracy(value), plot::accuracy(value)),
+            )
+        }
+        MeasureCommand::Speed(args) => measured(
+            &args.common,
+            |gpu, pack, progress| {
+                speed::run(gpu, pack, &args.vertices, args.frames.max(2), progress)
+            },
+            |value| (table::speed(value), plot::speed(value)),
+        ),
+    }
+}
+
+/// A plot: its file's name and its text.
+pub type Plot = (&'static str, String);
+
+/// Opens what is measured, measures it, and writes table, document and plots.
+fn measured(
+    args: &CommonArgs,
+    measure: impl FnOnce(&Rc<Gpu>, Option<&Arc<Pack>>, &Progress) -> Result<Value, Failure>,
+    show: impl FnOnce(&Value) -> (String, Vec<Plot>),
+) -> Result<(), Failure> {
+    let pack = args
+        .pack
+        .as_deref()
+        .map(cockpit::open_pack)
+        .transpose()?
+        .map(Arc::new);
+    for path in [&args.json, &args.plot].into_iter().flatten() {
+        prepare(path, Some(path) == args.plot.as_ref())?;
+    }
+    let size = Size {
+        width_px: 64,
+        height_px: 64,
+    };
+    let screen = shot::open(args.backend, size)?;
+    let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| bench::refused(&e))?;
+    let progress = Progress::new();
+    let mut value = measure(&gpu, pack.as_ref(), &progress)?;
+    progress.bar.finish_and_clear();
+    value["pack"] = args
+        .pack
+        .as_ref()
+        .map_or(Value::Null, |p| p.display().to_string().into());
+    value["optimised"] = (!cfg!(debug_assertions)).into();
+    let (text, plots) = show(&value);
+    print!("{text}");
+    if let Some(path) = &args.json {
+        write(path, &format!("{value:#}\n"))?;
+    }
+    if let Some(folder) = &args.plot {
+        for (name, svg) in plots {
+            write(&folder.join(name), &svg)?;
+        }
+    }
+    Ok(())
+}
+
+/// Makes a folder, or sees that a file can be written: before minutes of measuring, not after.
+fn prepare(path: &Path, is_folder: bool) -> Result<(), Failure> {
+    if is_folder {
+        std::fs::create_dir_all(path).map_err(|e| not_written(path, e))
+    } else {
+        let opened = std::fs::OpenOptions::new()
+            .append(true)
+            .create(true)
+            .open(path);
+        opened.map(drop).map_err(|e| not_written(path, e))
+    }
+}
+
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|e| not_written(path, e))
+}
+
+fn not_written(path: &Path, e: std::io::Error) -> Failure {
+    let todo = "check the folder, its rights and the room on the disk";
+    Failure::new(Kind::Other, path.display(), "it cannot be written", todo).caused_by(e)
+}
+
+/// A progress bar on stderr where that is a terminal.
+#[derive(Debug)]
+pub struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    /// At its beginning.
+    #[must_use]
+    fn new() -> Self {
+        let style = ProgressStyle::with_template("{wide_bar} {msg} {pos} of {len}");
+        Self {
+            bar: ProgressBar::new(0)
+                .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())),
+        }
+    }
+
+    /// One that shows nothing.
+    #[must_use]
+    pub fn hidden() -> Self {
+        Self {
+            bar: ProgressBar::hidden(),
+        }
+    }
+
+    /// Says what is being done.
+    pub fn say(&self, what: &str) {
+        self.bar.set_message(what.to_owned());
+    }
+
+    /// Says how far it is.
+    pub fn at(&self, what: &str, done: usize, all: usize) {
+        self.bar.set_length(all as u64);
+        self.bar.set_position(done as u64);
+        self.say(what);
+    }
+}

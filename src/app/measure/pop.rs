@@ -1,0 +1,209 @@
+//! Popping: how much the drawn surface itself moves from one frame to the next while the eye flies smoothly over it.
+//!
+//! Points of the ground are fixed: a lattice of posts around the path. In every frame the height of the drawn surface at each
+//! of them is taken from the triangles that the vertex shader puts out ([`super::drawn`]); its change since the last frame,
+//! times focal length over the distance, is what a watcher sees move beside the perspective. The largest change over all
+//! frames and all points in the picture counts, whether something stands before them or not. Frames are 1/60 s apart, as
+//! flown, streaming and all.
+
+use crate::app::error::Failure;
+use crate::app::measure::bench::{Bench, QUOTA};
+use crate::app::measure::drawn::Points;
+use crate::geo::{Camera, Geodetic, WGS84_B_M};
+use crate::terrain::truth::Field;
+use crate::time::Monotonic;
+use serde_json::{Value, json};
+use std::time::Duration;
+
+/// Frames a second.
+pub const RATE_HZ: f64 = 60.0;
+
+/// A straight flight at a steady height over the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct Path {
+    /// Latitude and longitude at the start, degrees.
+    pub from_deg: (f64, f64),
+    /// True heading, degrees.
+    pub heading_deg: f64,
+    /// Speed over ground, metres a second.
+    pub speed_mps: f64,
+    /// Height above the ground, smoothed over a kilometre, metres.
+    pub above_m: f64,
+    /// Size of the picture and horizontal field of view in degrees.
+    pub view: ((u32, u32), f64),
+}
+
+impl Path {
+    /// Where the path is over the ground after a distance in metres; at height 0.
+    #[must_use]
+    pub fn point(&self, along_m: f64) -> Geodetic {
+        let (sin, cos) = self.heading_deg.to_radians().sin_cos();
+        let degrees = along_m / WGS84_B_M.to_radians();
+        let lat = self.from_deg.0 + degrees * cos;
+        let lon = self.from_deg.1 + degrees * sin / lat.to_radians().cos().max(0.01);
+        Geodetic::from_degrees(lat, lon, 0.0)
+    }
+
+    /// The view of a frame.
+    #[must_use]
+    pub fn camera(&self, field: &Field, frame: u32) -> Camera {
+        let along_m = self.speed_mps * f64::from(frame) / RATE_HZ;
+        let at = self.point(along_m);
+        // The mean of the ground half a kilometre back and ahead, but never nearer to the ground below than half the height.
+        let ground = |d: f64| {
+            field
+                .ground(&self.point(along_m + d))
+                .map_or(0.0, |g| g.height_m)
+        };
+        let steps = 20;
+        let mean = (-steps..=steps)
+            .map(|k| ground(25.0 * f64::from(k)))
+            .sum::<f64>()
+            / f64::from(2 * steps + 1);
+        let clear = (-4..=8)
+            .map(|k| ground(25.0 * f64::from(k)))
+            .fold(f64::MIN, f64::max)
+            + self.above_m / 2.0;
+        let height = (mean + self.above_m).max(clear);
+        super::bench::camera(
+            (at.latitude.to_degrees(), at.longitude.to_degrees(), height),
+            (self.heading_deg, -3.0, 0.0),
+            self.view.1,
+            self.view.0,
+        )
+    }
+
+    /// Points of the ground around the path, every `step_m`, out to `reach_m` beside and before it.
+    fn ground(&self, field: &Field, seconds: f64, step_m: f64, reach_m: f64) -> Vec<Geodetic> {
+        let middle = self.point(self.speed_mps * seconds / 2.0);
+        let reach_m = reach_m + self.speed_mps * seconds / 2.0;
+        let degree_m = WGS84_B_M.to_radians();
+        let narrow = middle.latitude.0.cos().max(0.02);
+        let mut points = Vec::new();
+        let mut north = -reach_m;
+        while north <= reach_m {
+            let mut east = -reach_m;
+            while east <= reach_m {
+                let lat = middle.latitude.to_degrees() + north / degree_m;
+                let lon = middle.longitude.to_degrees() + east / degree_m / narrow;
+                let mut point = Geodetic::from_degrees(lat, lon, 0.0);
+                if let Some(ground) = field.ground(&point) {
+                    point.height_ellipsoid.0 = ground.height_m;
+                    points.push(point);
+                }
+                east += step_m;
+            }
+            north += step_m;
+        }
+        points
+    }
+}
+
+/// What was seen along a path.
+#[derive(Clone, Debug, Default)]
+pub struct Pops {
+    /// Largest change a frame, pixels.
+    pub px_max: f64,
+    /// 99.9 of a hundred points and frames changed no more, pixels.
+    pub px_p999: f64,
+    /// Frame and distance in metres of the largest.
+    pub at: (u32, f64),
+    /// Frames looked at.
+    pub frames: u32,
+    /// Points of the ground.
+    pub points: usize,
+    /// Frames in which a partition gave way to another.
+    pub seams: u32,
+}
+
+impl Pops {
+    /// What is written of it.
+    #[must_use]
+    pub fn report(&self, name: &str) -> Value {
+        json!({
+            "path": name,
+            "px_max": self.px_max,
+            "px_p999": self.px_p999,
+            "worst": {"frame": self.at.0, "distance_m": self.at.1},
+            "frames": self.frames,
+            "points": self.points,
+            "seams": self.seams,
+        })
+    }
+}
+
+/// Flies a path for some seconds.
+///
+/// # Errors
+/// When the GPU refuses, or the first view does not settle.
+pub fn fly(
+    bench: &mut Bench,
+    field: &Field,
+    path: &Path,
+    seconds: f64,
+    done: &mut dyn FnMut(u32, u32),
+) -> Result<Pops, Failure> {
+    let mut points = Points::new(path.ground(field, seconds, 300.0, 25_000.0));
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "some thousand frames"
+    )]
+    let frames = (seconds * RATE_HZ) as u32;
+    // Come from the south in steps that are no leaps: the partition is then the one that a flight would bring along.
+    for steps in (0..5).rev() {
+        let mut before = path.camera(field, 0);
+        before.eye.latitude.0 -= (0.08 * f64::from(steps)).to_radians();
+        before.eye.height_ellipsoid.0 += 9000.0 * f64::from(u8::from(steps > 0));
+        bench.settle(&before)?;
+    }
+    let mut out = Pops {
+        points: points.all().len(),
+        ..Pops::default()
+    };
+    let mut changes = crate::app::measure::surface::Spread::default();
+    let (mut last, mut partition) = (points.heights(bench)?, bench.partition());
+    let mut large: Vec<f64> = Vec::new();
+    for frame in 1..=frames {
+        let begun = Monotonic::read();
+        let camera = path.camera(field, frame);
+        bench.step(&camera, QUOTA)?;
+        let now = points.heights(bench)?;
+        let eye = camera.eye.to_ecef();
+        let to_eye = camera.eye_to_ecef().transpose();
+        let focal_px = camera.focal_px();
+        for (at, (a, b)) in last.iter().zip(&now).enumerate() {
+            let change_m = (a - b).abs();
+            if change_m.is_nan() {
+                continue;
+            }
+            let Some(distance_m) = points.seen(at, eye, &camera, &to_eye) else {
+                continue;
+            };
+            let px = change_m * focal_px / distance_m;
+            changes.count += 1;
+            if px > 0.02 {
+                large.push(px);
+            }
+            if px > out.px_max {
+                (out.px_max, out.at) = (px, (frame, distance_m));
+            }
+        }
+        let drawn_in = bench.partition();
+        out.seams += u32::from(drawn_in != partition);
+        (last, partition) = (now, drawn_in);
+        out.frames += 1;
+        done(frame, frames);
+        let spent = Monotonic::read().since(begun).unwrap_or_default();
+        std::thread::park_timeout(Duration::from_secs_f64(1.0 / RATE_HZ).saturating_sub(spent));
+    }
+    large.sort_by(f64::total_cmp);
+    // Of all changes, the thousandth from the top; the small ones are only counted.
+    out.px_p999 = large
+        .len()
+        .checked_sub(changes.count / 1000 + 1)
+        .and_then(|at| large.get(at))
+        .copied()
+        .unwrap_or(0.0);
+    Ok(out)
+}
