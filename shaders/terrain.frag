@@ -1,5 +1,5 @@
 // The terrain's colour (include/relief.glsl is before this), or its distance.
-in vec4 v_texel;              // own surface, coarser surface
+in vec2 v_texel;              // in the level's own surface
 in vec2 v_ground;             // height above the ellipsoid, m; blend into the coarser level, 0 to 1
 #ifdef RANGE
 in vec3 v_position;           // metres from the eye
@@ -10,6 +10,7 @@ in vec2 v_lines;              // position in the grid of lines: whole numbers ar
 
 uniform sampler2D surface;    // normal east and north, crest, kind
 uniform sampler2D coarser;    // the same of the coarser level
+uniform vec2 coarser_at;      // coordinates in it, less half of those in the level's own
 
 out vec4 o_colour;
 
@@ -22,9 +23,9 @@ void main() {
 #else
 void main() {
     // There are no smaller levels of detail, so a fetch needs no derivatives and may stand in a branch.
-    vec4 s = textureLod(surface, v_texel.xy, 0.0);
+    vec4 s = textureLod(surface, v_texel, 0.0);
     if (v_ground.y > 0.0) {
-        s = mix(s, textureLod(coarser, v_texel.zw, 0.0), v_ground.y);
+        s = mix(s, textureLod(coarser, 0.5 * v_texel + coarser_at, 0.0), v_ground.y);
     }
 #ifdef GRID
     vec2 lines = v_lines;

@@ -65,6 +65,7 @@ fn filling_batches_allocates_nothing() {
     );
     let mut parcel = Parcel {
         job: Job {
+            partition: Partition::Geographic,
             level: 0,
             generation: 0,
             i: 215_900,

@@ -282,6 +282,24 @@ impl VertexArray {
         })
     }
 
+    /// Vertices known by their number alone (`gl_VertexID`), in the order of `indices`; [`Self::add`] gives each instance
+    /// what it needs. The buffer may be dropped before the array.
+    ///
+    /// # Errors
+    /// [`GlError`] where the driver gives none.
+    pub fn numbered(gpu: &Rc<Gpu>, indices: &Buffer) -> Result<Self, GlError> {
+        let array = Self::empty(gpu)?;
+        array.bind();
+        // SAFETY: the context is current on this thread (Gpu is !Send); both objects are alive.
+        unsafe {
+            gpu.gl()
+                .bind_buffer(glow::ELEMENT_ARRAY_BUFFER, Some(indices.id));
+        };
+        gpu.bind_no_vertex_array();
+        gpu.check("while making a vertex array")?;
+        Ok(array)
+    }
+
     /// Reads `attributes` from `vertices`, `stride_bytes` from one vertex to the next, with `indices` where vertices are
     /// shared. The buffers may be dropped before the array.
     ///

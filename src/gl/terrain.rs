@@ -21,7 +21,7 @@ use super::texture::{Filter, Format, Texture, Wrap};
 use super::{GlError, Gpu};
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
-use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices, pattern_vertices};
+use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices};
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
 use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
@@ -50,7 +50,7 @@ pub struct TerrainRenderer {
     gpu: Rc<Gpu>,
     world: World,
     /// One for each scene.
-    textures: ArrayVec<LevelTextures, 3>,
+    textures: ArrayVec<LevelTextures, 2>,
     tables: [Texture; TABLES],
     table: usize,
     /// Scene and version of the tables last written.
@@ -78,8 +78,9 @@ struct Shader {
     torus: UniformLocation,
     morph: UniformLocation,
     texels: Option<UniformLocation>,
+    coarser_at: Option<UniformLocation>,
     origin: UniformLocation,
-    scale: UniformLocation,
+    scale: Option<UniformLocation>,
     clip: [UniformLocation; 3],
     depth: UniformLocation,
     bulge: Option<UniformLocation>,
@@ -141,8 +142,12 @@ impl Shader {
             torus: program.uniform("torus")?,
             morph: program.uniform("morph")?,
             texels: colour_only("texels")?,
+            coarser_at: colour_only("coarser_at")?,
             origin: program.uniform("origin")?,
-            scale: program.uniform("scale")?,
+            // Only distances do without heights.
+            scale: (is_colour || !outputs.is_empty())
+                .then(|| program.uniform("scale"))
+                .transpose()?,
             clip: [
                 program.uniform("clip_x")?,
                 program.uniform("clip_y")?,
@@ -209,20 +214,13 @@ impl TerrainRenderer {
             )
         };
         let indices = pattern_indices(settings.shape);
-        let corners = Buffer::fixed(gpu, Role::Vertex, &pattern_vertices(settings.shape))?;
         let index_buffer = Buffer::fixed(gpu, Role::Index, &indices)?;
         let blocks = Stream::new(
             gpu,
             Role::Vertex,
             LEVELS_MAX * BLOCKS_MAX * size_of::<Block>(),
         )?;
-        let corner = Attribute {
-            location: 0,
-            components: 2,
-            scalar: Scalar::U8Int,
-            offset_bytes: 0,
-        };
-        let array = || VertexArray::new(gpu, &corners, 2, &[corner], Some(&index_buffer));
+        let array = || VertexArray::numbered(gpu, &index_buffer);
         Ok(Self {
             tables: [table()?, table()?, table()?],
             table: 0,
@@ -371,9 +369,9 @@ impl TerrainRenderer {
         let array = &self.arrays[self.region];
         let first = level.blocks.0 * size_of::<Block>();
         let block = Attribute {
-            location: 1,
+            location: 0,
             components: 4,
-            scalar: Scalar::U16Int,
+            scalar: Scalar::I16Int,
             offset_bytes: texel(first),
         };
         array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
@@ -390,17 +388,19 @@ impl TerrainRenderer {
         let plan = scene.plan();
         let heights = scene.heights();
         let texels = scene.settings().shape.texels();
-        let scale = [
-            plan.axis_distance_m,
-            heights.unit_m as f32,
-            1.0 / texels as f32,
-            heights.base_m as f32,
-        ];
+        let anchor_m = heights.decode(plan.anchor_code);
+        let scale = [heights.unit_m as f32, anchor_m as f32];
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
         unsafe {
-            gl.uniform_2_i32(Some(&shader.torus), signed(texels - 1), plan.anchor_code);
+            gl.uniform_2_i32(
+                Some(&shader.torus),
+                signed(texels - 1),
+                plan.anchor_code.into(),
+            );
             gl.uniform_3_f32_slice(Some(&shader.origin), &plan.origin_m);
-            gl.uniform_4_f32_slice(Some(&shader.scale), &scale);
+            if let Some(at) = &shader.scale {
+                gl.uniform_2_f32_slice(Some(at), &scale);
+            }
             for (at, row) in shader.clip.iter().zip(&plan.projection) {
                 gl.uniform_3_f32_slice(Some(at), row);
             }
@@ -435,15 +435,15 @@ impl TerrainRenderer {
         textures.bind_heights(at, HEIGHTS);
         let own = [level.window.i, level.window.j].map(|v| torus_texel(texels, v));
         // The coarser level's texel of this origin is half of it, in a torus of the same size. Without a coarser level
-        // the blend goes to the level itself.
-        let other = if level.has_coarser {
-            [level.window.i, level.window.j].map(|v| torus_texel(2 * texels, v))
-        } else {
-            [0, 0]
-        };
+        // nothing is blended.
+        let coarser_own = [level.window.i, level.window.j].map(|v| torus_texel(2 * texels, v));
+        let texel = 1.0 / texels as f32;
+        let centre = |own: usize| (own as f32 + 0.5) * texel;
+        let beyond =
+            |axis: usize| 0.5 * (coarser_own[axis] as f32 + 1.0) * texel - 0.5 * centre(own[axis]);
         let m = &level.morph;
         let inverse = if level.has_coarser {
-            (1.0 / (m.end - m.start)) as f32
+            1.0 / (m.end - m.start)
         } else {
             0.0
         };
@@ -460,17 +460,14 @@ impl TerrainRenderer {
                 Some(&shader.morph),
                 m.x as f32,
                 m.y as f32,
-                m.start as f32,
-                inverse,
+                (-m.start * inverse - BLEND_SLACK) as f32,
+                inverse as f32,
             );
             if let Some(location) = &shader.texels {
-                gl.uniform_4_f32(
-                    Some(location),
-                    own[0] as f32,
-                    own[1] as f32,
-                    other[0] as f32,
-                    other[1] as f32,
-                );
+                gl.uniform_3_f32(Some(location), centre(own[0]), centre(own[1]), texel);
+            }
+            if let Some(location) = &shader.coarser_at {
+                gl.uniform_2_f32(Some(location), beyond(0), beyond(1));
             }
             gl.uniform_2_f32(Some(&shader.depth), level.depth.0, level.depth.1);
             gl.depth_range_f32(level.slice.0, level.slice.1);
@@ -480,6 +477,15 @@ impl TerrainRenderer {
 
 /// Clear colour whose bytes are the f32 +infinity: no terrain.
 pub const RANGE_CLEAR: [f32; 4] = [0.0, 0.0, 128.0 / 255.0, 127.0 / 255.0];
+
+const _: () = assert!(
+    size_of::<Block>() == 8,
+    "the vertex array reads eight bytes"
+);
+
+/// How much later than planned a blend begins and ends: so little that nobody sees it, and more than what rounding in f32
+/// can add to zero. It ends a whole post before the window does, where it is therefore still complete.
+const BLEND_SLACK: f64 = 1e-5;
 
 /// A size of ours as GL takes it: at most a few thousand.
 fn texel(v: usize) -> u32 {

@@ -15,24 +15,52 @@ use bytemuck::{Pod, Zeroable};
 /// the four bands that the hole's sides cut.
 pub const BLOCKS_MAX: usize = 960;
 
-/// One block: an instance of the pattern. Cells counted from the window's origin.
+/// One block: an instance of the pattern, as the vertex shader reads it. Posts counted from the window's origin.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct Block {
-    /// Westernmost cell.
-    pub x: u16,
-    /// Southernmost cell.
-    pub y: u16,
-    /// Cells across.
-    pub width: u16,
-    /// Cells up.
-    pub height: u16,
+    /// First column.
+    pub west: i16,
+    /// Last column.
+    pub east: i16,
+    /// First row.
+    pub south: i16,
+    /// Last row.
+    pub north: i16,
 }
 
-const _: () = assert!(
-    size_of::<Block>() == 8,
-    "the vertex array reads eight bytes"
-);
+impl Block {
+    /// Of some cells, from the window's origin.
+    #[must_use]
+    pub fn of(cells: CellRect) -> Self {
+        // Windows have at most a few hundred cells.
+        let short = |cell: i32| i16::try_from(cell).unwrap_or(i16::MAX);
+        Self {
+            west: short(cells.x0),
+            east: short(cells.x1),
+            south: short(cells.y0),
+            north: short(cells.y1),
+        }
+    }
+
+    /// Cells across.
+    #[must_use]
+    pub fn width(&self) -> i32 {
+        i32::from(self.east) - i32::from(self.west)
+    }
+
+    /// Cells up.
+    #[must_use]
+    pub fn height(&self) -> i32 {
+        i32::from(self.north) - i32::from(self.south)
+    }
+
+    /// Triangles that have an area.
+    #[must_use]
+    pub fn triangles(&self) -> usize {
+        usize::try_from(2 * self.width() * self.height()).unwrap_or(0)
+    }
+}
 
 /// Blocks of one level.
 pub type Blocks = ArrayVec<Block, BLOCKS_MAX>;
@@ -97,13 +125,10 @@ fn cut(longest: i32, rect: CellRect, out: &mut Blocks) -> bool {
                 rect.x0 + width * a / across,
                 rect.x0 + width * (a + 1) / across,
             );
-            let block = Block {
-                x: short(x0),
-                y: short(y0),
-                width: short(x1 - x0),
-                height: short(y1 - y0),
-            };
-            if out.try_push(block).is_err() {
+            if out
+                .try_push(Block::of(CellRect { x0, y0, x1, y1 }))
+                .is_err()
+            {
                 return false;
             }
         }
@@ -111,34 +136,26 @@ fn cut(longest: i32, rect: CellRect, out: &mut Blocks) -> bool {
     true
 }
 
-/// A cell number as the shader gets it: windows have at most a few hundred.
-fn short(cells: i32) -> u16 {
-    u16::try_from(cells).unwrap_or(u16::MAX)
-}
-
-/// A cell number of the pattern as a byte.
-fn byte(cells: i32) -> u8 {
-    u8::try_from(cells).unwrap_or(u8::MAX)
-}
-
-/// Vertices of the pattern, (column, row), `block_cells + 2` columns by `block_cells + 1` rows, row by row.
-#[must_use]
-pub fn pattern_vertices(shape: Shape) -> Vec<[u8; 2]> {
-    let b = shape.block_cells();
-    (0..=b)
-        .flat_map(|j| (0..=b + 1).map(move |i| [byte(i), byte(j)]))
-        .collect()
-}
+/// From one row of the pattern to the next: a vertex is known by its number alone, column + 32 row, and needs no buffer.
+const PATTERN_COLUMNS: i32 = 32;
 
 /// How many columns of cells are drawn together, so that a vertex is still in a small post-transform cache when the row
 /// above asks for it again (16 entries on old Malis: two rows of seven vertices fit).
 const STRIPE_CELLS: i32 = 6;
 
-/// Indices of the pattern: two triangles a cell, counter-clockwise seen from above, in stripes.
+/// One past the highest number of a vertex of the pattern. The numbers that no triangle asks for collapse onto the block's
+/// eastern edge like all others past it.
+#[must_use]
+pub fn pattern_numbers(shape: Shape) -> usize {
+    usize::try_from(PATTERN_COLUMNS * (shape.block_cells() + 1)).unwrap_or(0)
+}
+
+/// Numbers of the pattern's vertices, column + 32 row, of `block_cells + 2` columns and `block_cells + 1` rows: two triangles
+/// a cell, counter-clockwise seen from above, in stripes.
 #[must_use]
 pub fn pattern_indices(shape: Shape) -> Vec<u16> {
     let b = shape.block_cells();
-    let vertex = |i: i32, j: i32| u16::try_from(j * (b + 2) + i).unwrap_or(0);
+    let vertex = |i: i32, j: i32| u16::try_from(j * PATTERN_COLUMNS + i).unwrap_or(0);
     let mut out = Vec::new();
     let mut west = 0;
     while west <= b {
@@ -159,15 +176,17 @@ pub fn pattern_indices(shape: Shape) -> Vec<u16> {
     out
 }
 
-/// The corner of a block that pattern vertex (`i`, `j`) stands for, in cells from the window's origin, as the shader
+/// The corner of a block that a vertex of the pattern stands for, in cells from the window's origin, as the shader
 /// computes it: shifted by the block's parity, collapsed onto its edge, and, on the window's outer edge, moved to the
 /// even post that the next level has too.
 #[must_use]
-pub fn vertex_cell(shape: Shape, block: Block, [i, j]: [u8; 2]) -> (i32, i32) {
-    let (bx, by) = (i32::from(block.x), i32::from(block.y));
-    let parity = (bx + by) & 1;
-    let x = bx + (i32::from(i) - parity).clamp(0, i32::from(block.width));
-    let y = by + i32::from(j).min(i32::from(block.height));
+pub fn vertex_cell(shape: Shape, block: Block, number: u16) -> (i32, i32) {
+    let [west, east, south, north] =
+        [block.west, block.east, block.south, block.north].map(i32::from);
+    let [i, j] = [number % 32, number / 32].map(i32::from);
+    let odd = (west + south) & 1;
+    let x = (i + west - odd).clamp(west, east);
+    let y = (j + south).min(north);
     let edge = |v: i32| v == 0 || v == shape.cells();
     (
         if edge(y) { x & !1 } else { x },
@@ -211,10 +230,10 @@ mod tests {
                 prop_assert!(ring(shape, hole, rows, &mut blocks));
                 let mut count = HashMap::new();
                 for b in &blocks {
-                    prop_assert!(i32::from(b.width) <= shape.block_cells());
-                    prop_assert!(i32::from(b.height) <= shape.block_cells());
-                    for cy in b.y..b.y + b.height {
-                        for cx in b.x..b.x + b.width {
+                    prop_assert!(b.width() <= shape.block_cells());
+                    prop_assert!(b.height() <= shape.block_cells());
+                    for cy in b.south..b.north {
+                        for cx in b.west..b.east {
                             *count.entry((i32::from(cx), i32::from(cy))).or_insert(0) += 1;
                         }
                     }
@@ -241,7 +260,7 @@ mod tests {
     fn the_triangles_of_a_window_tile_it_without_overlap_or_gap() {
         for n in [63, 127, 255, 447] {
             let shape = Shape::new(n).expect("a legal shape");
-            let (vertices, indices) = (pattern_vertices(shape), pattern_indices(shape));
+            let indices = pattern_indices(shape);
             let mut blocks = Blocks::new();
             assert!(ring(shape, None, (0, shape.cells()), &mut blocks), "room");
             let mut area = 0;
@@ -249,8 +268,7 @@ mod tests {
             let mut edges: HashMap<[(i32, i32); 2], i32> = HashMap::new();
             for &block in &blocks {
                 for t in indices.chunks_exact(3) {
-                    let t = [t[0], t[1], t[2]]
-                        .map(|v| vertex_cell(shape, block, vertices[usize::from(v)]));
+                    let t = [t[0], t[1], t[2]].map(|v| vertex_cell(shape, block, v));
                     let a = area2(t);
                     assert!(a >= 0, "counter-clockwise: {t:?}");
                     area += a;
@@ -281,19 +299,24 @@ mod tests {
     }
 
     #[test]
+    fn the_pattern_of_the_largest_shape_has_room_in_its_rows() {
+        let shape = Shape::new(447).expect("a legal shape");
+        assert!(shape.block_cells() + 2 <= PATTERN_COLUMNS, "32 columns");
+    }
+
+    #[test]
     fn a_diagonal_depends_on_the_cell_and_not_on_its_block() {
         let shape = Shape::new(127).expect("a legal shape");
-        let (vertices, indices) = (pattern_vertices(shape), pattern_indices(shape));
+        let indices = pattern_indices(shape);
         for (x, y) in [(20, 20), (21, 20), (20, 21), (21, 21)] {
-            let block = Block {
-                x,
-                y,
-                width: 9,
-                height: 17,
-            };
+            let block = Block::of(CellRect {
+                x0: x,
+                y0: y,
+                x1: x + 9,
+                y1: y + 17,
+            });
             for t in indices.chunks_exact(3) {
-                let t =
-                    [t[0], t[1], t[2]].map(|v| vertex_cell(shape, block, vertices[usize::from(v)]));
+                let t = [t[0], t[1], t[2]].map(|v| vertex_cell(shape, block, v));
                 if area2(t) == 0 {
                     continue;
                 }

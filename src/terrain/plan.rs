@@ -41,12 +41,10 @@ pub struct Plan {
     pub tables_version: u32,
     /// Anchor less eye.
     pub origin_m: [f32; 3],
-    /// What the first two entries of a column are multiplied by, see [`super::tables::Anchor::axis_distance_m`].
-    pub axis_distance_m: f32,
     /// Numbers of the anchor for a cap, see [`super::tables::Anchor::bulge`].
     pub bulge: [f32; 4],
     /// The anchor's height code.
-    pub anchor_code: i32,
+    pub anchor_code: u16,
     /// Rows of the projection: clip x, clip y and clip w of a position.
     pub projection: [[f32; 3]; 3],
     /// Heading of the view against grid north.

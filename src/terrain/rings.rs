@@ -144,7 +144,7 @@ impl Rings {
                 }
                 let block = ring.blocks[usize::from(c.block)];
                 plan.blocks.push(block);
-                plan.triangles += 2 * usize::from(block.width) * usize::from(block.height);
+                plan.triangles += block.triangles();
                 let so_far = all.unwrap_or(c.span);
                 all = Some(Span {
                     near_m: so_far.near_m.min(c.span.near_m),
@@ -245,10 +245,10 @@ impl Ground<'_> {
     /// Around a block, from the extremes of its heights.
     fn bound(&self, plan: &LevelPlan, block: Block) -> Bound {
         let (west, south) = (
-            plan.window.i + i32::from(block.x),
-            plan.window.j + i32::from(block.y),
+            plan.window.i + i32::from(block.west),
+            plan.window.j + i32::from(block.south),
         );
-        let (width, height) = (i32::from(block.width), i32::from(block.height));
+        let (width, height) = (block.width(), block.height());
         let (low, high) = self
             .streamer
             .extremes(plan.level, (west, south), (width, height));
@@ -265,17 +265,16 @@ impl Ground<'_> {
 
     /// The tops of a block's parts.
     fn tops_m(&self, plan: &LevelPlan, block: Block) -> Tops {
-        let west = plan.window.i + i32::from(block.x);
-        let south = plan.window.j + i32::from(block.y);
+        let west = plan.window.i + i32::from(block.west);
+        let south = plan.window.j + i32::from(block.south);
         // The posts of a quarter, with those on its sides.
-        let quarter = |first: i32, cells: u16, k: i32| {
-            let cells = i32::from(cells);
+        let quarter = |first: i32, cells: i32, k: i32| {
             (first + cells * k / 4, first + (cells * (k + 1) + 3) / 4)
         };
         [0, 1, 2, 3].map(|row| {
-            let (from_j, to_j) = quarter(south, block.height, row);
+            let (from_j, to_j) = quarter(south, block.height(), row);
             [0, 1, 2, 3].map(|column| {
-                let (from_i, to_i) = quarter(west, block.width, column);
+                let (from_i, to_i) = quarter(west, block.width(), column);
                 let code = self
                     .streamer
                     .top_code(plan.level, (from_i, from_j), (to_i, to_j));
@@ -294,10 +293,10 @@ impl Ground<'_> {
         block: Block,
         bound: &Bound,
     ) {
-        let (w, h) = (i32::from(block.width), i32::from(block.height));
+        let (w, h) = (block.width(), block.height());
         let (west, south) = (
-            plan.window.i + i32::from(block.x),
-            plan.window.j + i32::from(block.y),
+            plan.window.i + i32::from(block.west),
+            plan.window.j + i32::from(block.south),
         );
         let northward = silhouette.prefers_columns(bound);
         let (lines, posts, first) = if northward {

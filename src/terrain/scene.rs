@@ -91,7 +91,7 @@ impl Scene {
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
-        let worker = Worker::start(source, partition, settings.shape, heights)?;
+        let worker = Worker::start(source, settings.shape, heights)?;
         Ok(Self {
             partition,
             settings,
@@ -100,7 +100,7 @@ impl Scene {
             heights,
             height_min_m: low.min(0.0) - HEIGHT_MARGIN_M,
             height_max_m: high.max(0.0) + HEIGHT_MARGIN_M,
-            streamer: Streamer::new(settings.shape, levels, worker),
+            streamer: Streamer::new(partition, settings.shape, levels, worker),
             longitude_deg: None,
             latitude_deg: 0.0,
             eye_posts: (0.0, 0.0),
@@ -113,7 +113,6 @@ impl Scene {
                 tables: vec![[0.0; 4]; 2 * usize::from(levels) * settings.shape.texels()],
                 tables_version: 0,
                 origin_m: [0.0; 3],
-                axis_distance_m: 0.0,
                 bulge: [0.0; 4],
                 anchor_code: 0,
                 projection: [[0.0; 3]; 3],
@@ -144,6 +143,19 @@ impl Scene {
         self.project(camera);
         self.figures.triangles = self.plan.triangles;
         Ok(())
+    }
+
+    /// Goes over to another partition, if it is another, with nothing resident.
+    pub(super) fn enter(&mut self, partition: Partition) {
+        if self.partition == partition {
+            return;
+        }
+        self.partition = partition;
+        self.streamer.enter(partition);
+        self.longitude_deg = None;
+        self.anchor = None;
+        self.figures = FrameFigures::default();
+        self.clear();
     }
 
     /// Streams at most `quota` texels to `sink` for a frame that is not drawn from here: [`Self::figures`] are of what could
@@ -426,9 +438,8 @@ impl Scene {
         ];
         if let Some(anchor) = &self.anchor {
             self.plan.origin_m = row(anchor.ecef() - camera.eye.to_ecef());
-            self.plan.axis_distance_m = anchor.axis_distance_m() as f32;
             self.plan.bulge = anchor.bulge().map(|v| v as f32);
-            self.plan.anchor_code = i32::from(anchor.post().code);
+            self.plan.anchor_code = anchor.post().code;
         }
     }
 

@@ -6,6 +6,7 @@
 //! coarser one draws without a hole.
 
 use super::clipmap::{Shape, TorusPart, Window, torus_texel};
+use super::partition::Partition;
 use super::surface::{BATCH_TEXELS, Batch};
 use super::texel::KIND_VOID;
 use super::worker::{BATCHES, Job, Parcel, Worker};
@@ -99,6 +100,7 @@ pub enum NoTerrain {
 /// Residency of all levels.
 #[derive(Debug)]
 pub struct Streamer {
+    partition: Partition,
     shape: Shape,
     levels: Vec<Level>,
     worker: Worker,
@@ -113,7 +115,7 @@ pub struct Streamer {
 impl Streamer {
     /// Nothing resident yet. `levels`: how many the pack has.
     #[must_use]
-    pub fn new(shape: Shape, levels: u8, worker: Worker) -> Self {
+    pub fn new(partition: Partition, shape: Shape, levels: u8, worker: Worker) -> Self {
         let texels = shape.texels();
         let level = || Level {
             residency: Residency::Out,
@@ -124,6 +126,7 @@ impl Streamer {
             extremes: vec![(u16::MAX, 0); (texels / EXTREMES_SIDE).pow(2)],
         };
         Self {
+            partition,
             shape,
             levels: std::iter::repeat_with(level)
                 .take(usize::from(levels).min(LEVELS_MAX))
@@ -169,6 +172,16 @@ impl Streamer {
         Uploads {
             texels,
             bytes: texels * (size_of::<[u16; 2]>() + size_of::<[u8; 4]>()),
+        }
+    }
+
+    /// Gives up all levels and goes over to a partition.
+    pub fn enter(&mut self, partition: Partition) {
+        self.partition = partition;
+        for level in &mut self.levels {
+            level.residency = Residency::Out;
+            level.generation = level.generation.wrapping_add(1);
+            level.version = level.version.wrapping_add(1);
         }
     }
 
@@ -439,6 +452,7 @@ impl Streamer {
             }
             let (x, y) = (next % per_side * FILL_SIDE, next / per_side * FILL_SIDE);
             let job = Job {
+                partition: self.partition,
                 level,
                 generation: self.levels[at].generation,
                 i: window.i + x,
@@ -486,6 +500,7 @@ impl Streamer {
             (to, window.i, fresh(window.j, d), n, d.abs())
         };
         let job = Job {
+            partition: self.partition,
             level,
             generation,
             i,

@@ -217,6 +217,11 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         }
     }
 
+    /// Goes over to the tiles of a partition.
+    pub const fn enter(&mut self, partition: Partition) {
+        self.partition = partition;
+    }
+
     /// Fills `heights` and `surface` with the texels of the posts at (`i`, `j`), `width` x `height`, row by row from the
     /// south-west one. Nothing larger than [`BATCH_TEXELS`] is asked.
     pub fn fill(
@@ -285,8 +290,15 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         let latitude = self.grid.latitude_deg(level, j).to_radians();
         let spacing = self.grid.spacing_deg(level).to_radians();
         let (sin, cos) = latitude.sin_cos();
-        let east_m = 2.0 * spacing * prime_vertical_radius_m(sin) * cos.max(1e-3);
-        let north_m = 2.0 * spacing * meridian_radius_m(sin);
+        let (wide_m, long_m) = match self.partition {
+            Partition::Geographic => (prime_vertical_radius_m(sin), meridian_radius_m(sin)),
+            // The radius at a pole; at the seam it is 0.04 to 0.12 % off.
+            Partition::North | Partition::South => {
+                (prime_vertical_radius_m(1.0), prime_vertical_radius_m(1.0))
+            }
+        };
+        let east_m = 2.0 * spacing * wide_m * cos.max(1e-3);
+        let north_m = 2.0 * spacing * long_m;
         (self.heights.unit_m / east_m, self.heights.unit_m / north_m)
     }
 

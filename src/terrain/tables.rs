@@ -101,6 +101,9 @@ pub struct Anchor {
     grid: Grid,
     post: AnchorPost,
     height_m: f64,
+    /// Metres a height code: a power of two, so that what is multiplied or divided by it keeps its digits.
+    unit_m: f64,
+    /// C0; in a cap R cos u0.
     c0: f64,
     ecef: DVec3,
     place: Place,
@@ -137,9 +140,9 @@ impl Anchor {
             sign,
             radius_m,
             bulge: [
-                WGS84_E2 / ((1.0 - WGS84_E2 * nz * nz) * radius_m),
-                nz,
-                0.5 * n0,
+                WGS84_E2 / ((1.0 - WGS84_E2 * nz * nz) * radius_m * heights.unit_m),
+                heights.unit_m * nz,
+                0.5 * n0 / heights.unit_m,
                 (n0 * (1.0 - WGS84_E2) + height_m) / radius_m,
             ],
         };
@@ -147,6 +150,7 @@ impl Anchor {
             grid,
             post,
             height_m,
+            unit_m: heights.unit_m,
             c0: radius_m * latitude.cos(),
             ecef: partition.ecef(longitude_deg, latitude_deg, height_m),
             place: match partition {
@@ -171,14 +175,8 @@ impl Anchor {
         self.ecef
     }
 
-    /// What the first two entries of a column are multiplied by, metres: C0; in a cap R cos u0.
-    #[must_use]
-    pub const fn axis_distance_m(&self) -> f64 {
-        self.c0
-    }
-
-    /// In a cap: x for a metre of R dn.z and for n.z + n0.z = 1, 1/m; n0.z; N0 / 2, m; what R dn.z is multiplied by to have
-    /// the first part of z. Zeros in the geographic partition.
+    /// In a cap, with q the metres a code: x for a metre of R dn.z and for q (n.z + n0.z) = 1, 1/m; q n0.z, m; N0 / 2 in
+    /// codes; what R dn.z is multiplied by to have the first part of z. Zeros in the geographic partition.
     #[must_use]
     pub const fn bulge(&self) -> [f64; 4] {
         match self.place {
@@ -187,7 +185,8 @@ impl Anchor {
         }
     }
 
-    /// Entry of level-0 column `i`: (cos L - cos L0, sin L - sin L0, cos L, sin L); in a cap of v, the cosines times s.
+    /// Entry of level-0 column `i`: (C0 (cos L - cos L0), C0 (sin L - sin L0), cos L, sin L), the first two in metres; in a
+    /// cap of v, with R cos u0 for C0 and the cosines times s.
     #[must_use]
     pub fn column(&self, i: i32) -> Entry {
         let (sin, cos) = radians(self.grid, i).sin_cos();
@@ -196,23 +195,29 @@ impl Anchor {
             Place::Geographic { .. } => 1.0,
             Place::Cap { sign, .. } => sign,
         };
-        entry([s * dcos, dsin, s * cos, sin])
+        entry([self.c0 * s * dcos, self.c0 * dsin, s * cos, sin])
     }
 
-    /// Entry of level-0 row `j`: (C - C0, S - S0, cos B, sin B), the first two in metres; in a cap (R (cos u - cos u0),
-    /// s R (sin u - sin u0), cos u, s sin u).
+    /// Entry of level-0 row `j`: (C - C0, S - S0, q cos B, q sin B), in metres, where q is the metres a height code; in a
+    /// cap (R (cos u - cos u0), s R (sin u - sin u0), q cos u, s q sin u).
     #[must_use]
     pub fn row(&self, j: i32) -> Entry {
         let latitude = radians(self.grid, j);
         let (sin, cos) = latitude.sin_cos();
+        let (up_sin, up_cos) = (self.unit_m * sin, self.unit_m * cos);
         match self.place {
             Place::Geographic { s0 } => {
                 let (c, s) = meridian(latitude, self.height_m);
-                entry([c - self.c0, s - s0, cos, sin])
+                entry([c - self.c0, s - s0, up_cos, up_sin])
             }
             Place::Cap { sign, radius_m, .. } => {
                 let (dcos, dsin) = self.differences(self.post.j, j);
-                entry([radius_m * dcos, sign * radius_m * dsin, cos, sign * sin])
+                entry([
+                    radius_m * dcos,
+                    sign * radius_m * dsin,
+                    up_cos,
+                    sign * up_sin,
+                ])
             }
         }
     }
@@ -256,15 +261,8 @@ mod tests {
     use crate::geo::Geodetic;
 
     /// The shader's expressions, in f32, operation by operation.
-    fn shader(
-        o: [f32; 3],
-        c0: f32,
-        bulge: [f32; 4],
-        col: Entry,
-        row: Entry,
-        rise: f32,
-    ) -> [f32; 3] {
-        let across = [c0 * col[0] + row[0] * col[2], c0 * col[1] + row[0] * col[3]];
+    fn shader(o: [f32; 3], bulge: [f32; 4], col: Entry, row: Entry, rise: f32) -> [f32; 3] {
+        let across = [col[0] + row[0] * col[2], col[1] + row[0] * col[3]];
         let up = [row[2] * col[2], row[2] * col[3]];
         let is_geographic = bulge[2] <= 0.0;
         if is_geographic {
@@ -307,11 +305,10 @@ mod tests {
         let origin = anchor.ecef() - eye;
         let p = shader(
             [origin.x as f32, origin.y as f32, origin.z as f32],
-            anchor.axis_distance_m() as f32,
             anchor.bulge().map(|v| v as f32),
             anchor.column(i),
             anchor.row(j),
-            f32::from(dh) * heights.unit_m as f32,
+            f32::from(dh),
         );
         let p = DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
         Some((truth.length(), origin.length(), (p - truth).length()))

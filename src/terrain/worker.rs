@@ -16,6 +16,8 @@ pub const BATCHES: usize = 48;
 /// A rectangle of posts of a level that is wanted. At most [`super::surface::BATCH_TEXELS`] posts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Job {
+    /// Whose posts.
+    pub partition: Partition,
     /// The level.
     pub level: u8,
     /// Which of the level's fillings it belongs to; a batch that comes back after the level was given up is recognised
@@ -59,13 +61,12 @@ pub struct Worker {
 }
 
 impl Worker {
-    /// Starts the thread, for the tiles of one partition.
+    /// Starts the thread.
     ///
     /// # Errors
     /// When the system refuses a thread.
     pub fn start<S: TileSource>(
         source: Arc<S>,
-        partition: Partition,
         shape: Shape,
         heights: HeightCode,
     ) -> io::Result<Self> {
@@ -77,7 +78,7 @@ impl Worker {
         let thread = thread::Builder::new()
             .name("terrain".into())
             .spawn(move || {
-                let mut sampler = Sampler::new(&*source, partition, heights, &counts);
+                let mut sampler = Sampler::new(&*source, Partition::default(), heights, &counts);
                 while !stopped.load(Ordering::Acquire) {
                     let Ok(mut parcel) = jobs.pop() else {
                         // Woken by the next job or by the end; a wake-up before the wait makes it return at once.
@@ -140,6 +141,7 @@ impl Drop for Worker {
 /// Fills a parcel's batch, part by part as the torus takes it.
 pub fn fill<S: TileSource>(sampler: &mut Sampler<'_, S>, shape: Shape, parcel: &mut Parcel) {
     let (job, batch) = (parcel.job, &mut *parcel.batch);
+    sampler.enter(job.partition);
     batch.parts.clear();
     let (width, height) = (usize::from(job.width), usize::from(job.height));
     let mut start = 0;

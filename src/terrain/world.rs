@@ -1,4 +1,5 @@
-//! The terrain of the whole Earth: one [`Scene`] for each partition that a pack has, of which one is drawn.
+//! The terrain of the whole Earth: one [`Scene`] for the geographic partition and, if the pack has posts around a pole, one
+//! for the cap on the eye's side of the equator. One of the two is drawn.
 //!
 //! *Why one.* Two partitions in one picture would have to be joined along a parallel that is a row of neither cap, with two
 //! formulas that differ in the last bits, and twice the draws. They overlap by more than can be seen instead
@@ -9,6 +10,8 @@
 //! The eye changes over when it is past the hysteresis and the other draws every level it wants, so the picture has the
 //! same levels of detail before and after. While the other is not ready the old one goes on, for a degree: 111 km, half an hour of
 //! a light aircraft. An eye that leaps is drawn at once from where it lands, coarse levels first.
+//!
+//! Both caps share a scene, for an eye that sees one never sees the other: half of the memory.
 //!
 //! A pack without posts for the eye's partition draws nothing there, and says so: [`FrameFigures::partition`] is `None`.
 
@@ -35,8 +38,10 @@ const LEAP_DEG: f64 = 0.2;
 /// See the module.
 #[derive(Debug)]
 pub struct World {
-    /// The geographic one first.
-    scenes: ArrayVec<Scene, 3>,
+    /// The geographic one, and the cap's.
+    scenes: ArrayVec<Scene, 2>,
+    /// Partitions that the pack has, by number; the geographic one is always drawn, if only as void.
+    has: [bool; 3],
     /// Where the eye was: the partition drawn, or to be drawn if the pack had it, and the latitude in degrees.
     last: Option<(Partition, f64)>,
     /// Which scene is drawn.
@@ -45,19 +50,21 @@ pub struct World {
 }
 
 impl World {
-    /// For a pack; starts a streaming thread for each of its partitions.
+    /// For a pack; starts a streaming thread for each scene.
     ///
     /// # Errors
     /// When the system refuses a thread.
     pub fn new<S: TileSource>(source: &Arc<S>, settings: Settings) -> io::Result<Self> {
+        let [north, south] = [Partition::North, Partition::South].map(|cap| source.has(cap));
+        let new = |partition| Scene::new(Arc::clone(source), partition, settings);
         let mut scenes = ArrayVec::new();
-        for partition in Partition::ALL {
-            if partition == Partition::Geographic || source.has(partition) {
-                scenes.push(Scene::new(Arc::clone(source), partition, settings)?);
-            }
+        scenes.push(new(Partition::Geographic)?);
+        if north || south {
+            scenes.push(new(Partition::North)?);
         }
         Ok(Self {
             scenes,
+            has: [true, north, south],
             last: None,
             drawn: None,
             figures: FrameFigures::default(),
@@ -86,6 +93,7 @@ impl World {
             ..FrameFigures::default()
         };
         if let Some(at) = self.drawn {
+            self.scenes[at].enter(partition);
             self.scenes[at].frame(camera, quota, &mut sinks[at])?;
             self.figures = self.scenes[at].figures();
         }
@@ -98,6 +106,7 @@ impl World {
             && let Some(at) = self.index(other)
         {
             let left = quota.saturating_sub(self.figures.uploads_texels);
+            self.scenes[at].enter(other);
             self.scenes[at].preload(camera, left, &mut sinks[at]);
             let figures = self.scenes[at].figures();
             self.figures.uploads_texels += figures.uploads_texels;
@@ -119,7 +128,7 @@ impl World {
         self.drawn
     }
 
-    /// All scenes, the geographic one first.
+    /// All scenes: the geographic one, and the cap's if the pack has a cap.
     #[must_use]
     pub fn scenes(&self) -> &[Scene] {
         &self.scenes
@@ -151,7 +160,10 @@ impl World {
         let leapt = (latitude_deg - before_deg).abs() > LEAP_DEG;
         let beyond = (latitude_deg.abs() - SEAM_LATITUDE_DEG).abs() > REACH_DEG;
         let is_ready = |partition| match self.index(partition) {
-            Some(at) => self.scenes[at].figures().is_whole(),
+            Some(at) => {
+                let scene = &self.scenes[at];
+                scene.partition() == partition && scene.figures().is_whole()
+            }
             None => true,
         };
         if leapt || beyond || is_ready(wanted) {
@@ -162,7 +174,8 @@ impl World {
     }
 
     fn index(&self, partition: Partition) -> Option<usize> {
-        self.scenes.iter().position(|s| s.partition() == partition)
+        let at = usize::from(partition != Partition::Geographic);
+        self.has[partition as usize].then_some(at)
     }
 
     fn damage(&self) -> DamageCounts {

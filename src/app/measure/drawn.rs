@@ -6,7 +6,7 @@ use crate::app::measure::bench::{Bench, refused};
 use crate::app::measure::position::cells;
 use crate::geo::{Camera, Geodetic, WGS84_B_M};
 use crate::gl::terrain::record::Vertex;
-use crate::terrain::blocks::{pattern_indices, pattern_vertices};
+use crate::terrain::blocks::{pattern_indices, pattern_numbers};
 use crate::terrain::grid::Grid;
 use crate::terrain::partition::Partition;
 use glam::DVec3;
@@ -95,7 +95,7 @@ impl Points {
             return Ok(out);
         };
         let indices = pattern_indices(shape);
-        let corners = pattern_vertices(shape).len();
+        let corners = pattern_numbers(shape);
         terrain
             .record(recorder, &mut |level, vertices| {
                 let corner = |v: &Vertex| {

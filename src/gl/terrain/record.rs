@@ -2,11 +2,11 @@
 
 use std::rc::Rc;
 
-use super::{LevelPlan, Look, Partition, Shader, TABLE, TerrainRenderer, pattern_vertices, texel};
+use super::{LevelPlan, Look, Partition, Shader, TABLE, TerrainRenderer, texel};
 use crate::gl::feedback::Recorder;
 use crate::gl::target::Target;
 use crate::gl::{GlError, Gpu};
-use crate::terrain::blocks::BLOCKS_MAX;
+use crate::terrain::blocks::{BLOCKS_MAX, pattern_numbers};
 use crate::terrain::clipmap::Shape;
 
 /// A vertex as the shader puts it out.
@@ -44,7 +44,7 @@ impl VertexRecorder {
     /// # Errors
     /// [`GlError`].
     pub fn new(gpu: &Rc<Gpu>, shape: Shape) -> Result<Self, GlError> {
-        let vertices = pattern_vertices(shape).len() * BLOCKS_MAX;
+        let vertices = pattern_numbers(shape) * BLOCKS_MAX;
         let shader = |is_cap| Shader::recording(gpu, "terrain record", None, is_cap, &OUTPUTS);
         Ok(Self {
             geographic: shader(false)?,
@@ -57,7 +57,7 @@ impl VertexRecorder {
 
 impl TerrainRenderer {
     /// Gives the vertices of the planned frame's visible blocks, level by level: for each block all vertices of the
-    /// pattern ([`pattern_vertices`]). Nothing where the pack has no posts for the eye.
+    /// pattern by number ([`pattern_numbers`]). Nothing where the pack has no posts for the eye.
     ///
     /// # Errors
     /// [`GlError`].
@@ -78,7 +78,7 @@ impl TerrainRenderer {
         shader.program.bind();
         self.tables[self.table].bind(TABLE);
         self.set_frame(shader, scene, &Look::BARE);
-        let corners = pattern_vertices(scene.settings().shape).len();
+        let corners = pattern_numbers(scene.settings().shape);
         let levels = &scene.plan().levels;
         for level in levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, &self.textures[at], level);
