@@ -156,5 +156,8 @@ fn a_damaged_cap_tile_is_inherited_from_the_coarser_level_of_its_cap() {
     assert_eq!(damage.counts().checksum, 4, "the four tiles at the pole");
     let mut whole = Sampler::new(&land, Partition::South, codes, &damage);
     whole.fill(0, (-10, -10), (width, height), &mut fine, &mut surface);
-    assert!(surface.iter().all(|s| s[3] != 255), "the other cap is whole");
+    assert!(
+        surface.iter().all(|s| s[3] != 255),
+        "the other cap is whole"
+    );
 }

@@ -221,7 +221,7 @@ fn of_source<S: TileSource>(
         let field = Field::load(source, partition, &start, effort.reach_m.min(40_000.0));
         let name = format!("{label}: {name}");
         let pops = pop::fly(bench, &field, &path, seconds, &mut |at, of| {
-            progress.at(&name, at as usize, of as usize)
+            progress.at(&name, at as usize, of as usize);
         })?;
         out.pop_px_max = out.pop_px_max.max(pops.px_max);
         out.pops.push(pops.report(&name));
