@@ -114,21 +114,9 @@ fn the_andes_are_where_a_ray_cast_finds_them() {
     let (width, height) = (512_u32, 300_u32);
     let (png, pfm) = (dir.join("view.png"), dir.join("view.pfm"));
     let out = support::glasswing_command()
-        .args([
-            "shot",
-            "--eye",
-            "-32.6,-70.3,4200",
-            "--attitude",
-            "215,-4,0",
-        ])
-        .args([
-            "--hfov",
-            "60",
-            "--size",
-            "512x300",
-            "--terrain-only",
-            "--json",
-        ])
+        .args(["shot", "--eye", "-32.6,-70.3,4200"])
+        .args(["--attitude", "215,-4,0", "--hfov", "60"])
+        .args(["--size", "512x300", "--terrain-only", "--json"])
         .args([Path::new("--pack"), &pack, Path::new("--out"), &png])
         .args([Path::new("--range"), &pfm])
         .output()
@@ -178,8 +166,7 @@ fn the_andes_are_where_a_ray_cast_finds_them() {
         count += 1;
     }
     assert!(exact > 500 && count > 5000, "{exact} of {count}");
-    // 512 pixels wide: half of the published 1024-pixel goals of 0.35 and 3.0, less the share of triangles against the
-    // bilinear surface, which is 0.25 rms of the former.
+    // Half of the published 1024-pixel goals, less the 0.25 that triangles differ from the bilinear surface.
     let rms = (squares / f64::from(count)).sqrt();
     assert!(rms < 0.12, "{rms} px");
     assert!(worst_px < 1.5, "{worst_px} px");
