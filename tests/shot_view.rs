@@ -157,7 +157,7 @@ fn the_andes_are_where_a_ray_cast_finds_them() {
     let eye = camera.eye.to_ecef();
     let ranges = read_pfm(&pfm, width as usize);
     assert_eq!(ranges.len(), (width * height) as usize);
-    let (mut squares, mut count, mut exact) = (0.0, 0, 0);
+    let (mut squares, mut worst_px, mut count, mut exact) = (0.0, 0.0_f64, 0, 0);
     for (at, &range) in ranges.iter().enumerate().step_by(7) {
         let (x, y) = (at % width as usize, at / width as usize);
         let ray = camera.ray_ecef(x as f64 + 0.5, y as f64 + 0.5);
@@ -172,13 +172,17 @@ fn the_andes_are_where_a_ray_cast_finds_them() {
             assert!(error_m < 0.3, "{error_m} m at {range} m, pixel {x} {y}");
             exact += 1;
         }
-        squares += (error_m * camera.focal_px() / range).powi(2);
+        let error_px = error_m * camera.focal_px() / range;
+        squares += error_px.powi(2);
+        worst_px = worst_px.max(error_px);
         count += 1;
     }
     assert!(exact > 500 && count > 5000, "{exact} of {count}");
-    // 512 pixels wide: half of the published 1024-pixel goal of 0.35.
+    // 512 pixels wide: half of the published 1024-pixel goals of 0.35 and 3.0, less the share of triangles against the
+    // bilinear surface, which is 0.25 rms of the former.
     let rms = (squares / f64::from(count)).sqrt();
-    assert!(rms < 0.175, "{rms} px");
+    assert!(rms < 0.12, "{rms} px");
+    assert!(worst_px < 1.5, "{worst_px} px");
 }
 
 #[test]

@@ -37,6 +37,8 @@ pub struct Effort {
     pub poses: usize,
     /// Seconds of each flight.
     pub seconds: f64,
+    /// How far from the eye rays are cast, metres.
+    pub reach_m: f64,
 }
 
 /// A view of a source with a name.
@@ -97,10 +99,11 @@ pub fn measure_scene<S: TileSource>(
     bench: &mut Bench,
     source: &S,
     scene: &Scene,
+    reach_m: f64,
 ) -> Result<(Surface, Field, usize), Failure> {
     let figures = bench.settle(&scene.camera)?;
     let partition = bench.partition().unwrap_or_default();
-    let field = surface::field(source, partition, &scene.camera);
+    let field = Field::load(source, partition, &scene.camera.eye, reach_m);
     let surface = surface::measure(bench, &field, &scene.camera)?;
     Ok((surface, field, figures.triangles))
 }
@@ -160,7 +163,7 @@ fn of_source<S: TileSource>(
     let scenes = scenes(bench, source)?;
     for scene in &scenes {
         progress.say(&format!("{label}: {}", scene.name));
-        let (surface, field, triangles) = measure_scene(bench, source, scene)?;
+        let (surface, field, triangles) = measure_scene(bench, source, scene, effort.reach_m)?;
         let partition = bench.partition().unwrap_or_default();
         let mut row = surface.report();
         row["name"] = json!(format!("{label}: {}", scene.name));
@@ -215,10 +218,10 @@ fn of_source<S: TileSource>(
         } else {
             Partition::Geographic
         };
-        let field = Field::load(source, partition, &start, 40_000.0);
+        let field = Field::load(source, partition, &start, effort.reach_m.min(40_000.0));
         let name = format!("{label}: {name}");
         let pops = pop::fly(bench, &field, &path, seconds, &mut |at, of| {
-            progress.at(&name, at as usize, of as usize)
+            progress.at(&name, at as usize, of as usize);
         })?;
         out.pop_px_max = out.pop_px_max.max(pops.px_max);
         out.pops.push(pops.report(&name));

@@ -53,9 +53,18 @@ pub struct CommonArgs {
     /// Write plots (SVG) into this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+    /// How far from the eye the truth reaches: rays are cast through the finest posts within this, kilometres
+    #[arg(long, value_name = "KM", default_value_t = 130.0, value_parser = parse_positive)]
+    reach: f64,
     /// What draws
     #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
     backend: Backend,
+}
+
+impl CommonArgs {
+    fn reach_m(&self) -> f64 {
+        self.reach.clamp(1.0, 300.0) * 1000.0
+    }
 }
 
 /// Arguments of `measure accuracy`.
@@ -67,7 +76,7 @@ pub struct AccuracyArgs {
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     poses: usize,
     /// Seconds of each flight that is watched for popping
-    #[arg(long, value_name = "S", default_value_t = 60.0)]
+    #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = parse_positive)]
     seconds: f64,
     /// Vertices along a side of a level
     #[arg(long, value_name = "N", value_parser = parse_shape)]
@@ -87,6 +96,14 @@ pub struct SpeedArgs {
     vertices: Vec<Shape>,
 }
 
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|v: &f64| v.is_finite() && *v > 0.0);
+    number.ok_or_else(|| "a number above 0 is needed".to_owned())
+}
+
 fn parse_shape(text: &str) -> Result<Shape, String> {
     let shape = text.parse().ok().and_then(Shape::new);
     shape.ok_or_else(|| {
@@ -103,7 +120,8 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
         MeasureCommand::Accuracy(args) => {
             let effort = accuracy::Effort {
                 poses: args.poses,
-                seconds: args.seconds.clamp(1.0, 600.0),
+                seconds: args.seconds.clamp(0.1, 600.0),
+                reach_m: args.common.reach_m(),
             };
             let shape = args.vertices.unwrap_or(Shape::DEFAULT);
             measured(
@@ -115,7 +133,11 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
         MeasureCommand::Speed(args) => measured(
             &args.common,
             |gpu, pack, progress| {
-                speed::run(gpu, pack, &args.vertices, args.frames.max(2), progress)
+                let effort = speed::Effort {
+                    frames: args.frames.max(2),
+                    reach_m: args.common.reach_m(),
+                };
+                speed::run(gpu, pack, &args.vertices, effort, progress)
             },
             |value| (table::speed(value), plot::speed(value)),
         ),

@@ -36,6 +36,15 @@ pub const VERTICES: [u32; 5] = [63, 127, 191, 255, 383];
 /// Speed over ground of the moving eye, metres a second.
 const SPEED_MPS: f64 = 100.0;
 
+/// How much is measured.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Frames of each run.
+    pub frames: u32,
+    /// How far from the eye rays are cast, metres.
+    pub reach_m: f64,
+}
+
 /// CPU time of the process or the thread.
 fn cpu(clock: ClockId) -> Duration {
     let t = clock_gettime(clock);
@@ -167,7 +176,7 @@ fn of_source<S: TileSource>(
     gpu: &Rc<Gpu>,
     source: &Arc<S>,
     shape: Shape,
-    frames: u32,
+    effort: Effort,
     label: &str,
     progress: &Progress,
 ) -> Result<Vec<Value>, Failure> {
@@ -180,12 +189,12 @@ fn of_source<S: TileSource>(
             shape.vertices(),
             scene.name
         ));
-        let (surface, _, _) = measure_scene(&mut bench, source.as_ref(), &scene)?;
+        let (surface, _, _) = measure_scene(&mut bench, source.as_ref(), &scene, effort.reach_m)?;
         let mut row = surface.report();
         row["name"] = json!(format!("{label}: {}", scene.name));
         row["vertices"] = json!(shape.vertices());
         for (key, moving) in [("still", false), ("moving", true)] {
-            let run = draw(&mut bench, &mut planner, &scene, frames, moving)?;
+            let run = draw(&mut bench, &mut planner, &scene, effort.frames, moving)?;
             let part = json!({
                 "frame_ms": run.frame.to_json(),
                 "cpu_ms": run.own.to_json(),
@@ -214,7 +223,7 @@ pub fn run<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
     shapes: &[Shape],
-    frames: u32,
+    effort: Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let usual: Vec<Shape> = VERTICES.into_iter().filter_map(Shape::new).collect();
@@ -223,10 +232,10 @@ pub fn run<S: TileSource>(
     for (at, &shape) in shapes.iter().enumerate() {
         progress.at("sizes of level", at, shapes.len());
         if let Some(pack) = pack {
-            rows.extend(of_source(gpu, pack, shape, frames, "pack", progress)?);
+            rows.extend(of_source(gpu, pack, shape, effort, "pack", progress)?);
         } else {
             let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-            rows.extend(of_source(gpu, &planet, shape, frames, "planet", progress)?);
+            rows.extend(of_source(gpu, &planet, shape, effort, "planet", progress)?);
         }
     }
     Ok(json!({

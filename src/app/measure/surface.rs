@@ -18,13 +18,9 @@ use crate::app::error::Failure;
 use crate::app::measure::bench::Bench;
 use crate::app::measure::drawn::Points;
 use crate::geo::{Camera, Geodetic};
-use crate::terrain::partition::Partition;
-use crate::terrain::surface::TileSource;
 use crate::terrain::truth::{Cast, Field};
 use serde_json::{Value, json};
 
-/// How far the truth reaches from the eye, metres.
-pub const REACH_M: f64 = 130_000.0;
 /// Nearer than this many posts, errors are kept apart.
 const NEAR_POSTS: f64 = 3.0;
 /// A post is a summit that rises by this much over the posts around it at this many posts.
@@ -147,12 +143,6 @@ pub fn measure(bench: &mut Bench, field: &Field, camera: &Camera) -> Result<Surf
     out.skyline_px = skyline(camera, &drawn, &cast);
     summits(bench, field, camera, &mut out)?;
     Ok(out)
-}
-
-/// The field around a camera's eye, of the partition it is drawn in.
-#[must_use]
-pub fn field<S: TileSource>(source: &S, partition: Partition, camera: &Camera) -> Field {
-    Field::load(source, partition, &camera.eye, REACH_M)
 }
 
 fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: &mut Surface) {

@@ -102,15 +102,20 @@ pub fn holes(
         .terrain
         .ground(&camera.eye)
         .is_ok_and(|g| g.0 < camera.eye.height_ellipsoid.0);
-    let limb = figures.settled.then(|| Limb::new(camera, lowest_m));
-    let view = View::new(camera, &covered);
-    Ok((0..covered.len())
-        .filter(|&at| !covered[at])
-        .filter(|&at| {
-            limb.as_ref().is_some_and(|l| l.meets(view.ray(at)))
-                || (above && view.has_terrain_above(at))
-        })
-        .count())
+    let lowest_m = figures.settled.then_some(lowest_m);
+    Ok(holes_of(camera, &covered, lowest_m, above))
+}
+
+/// How many of the pixels that are not `covered` are holes; `lowest_m`: height of the lowest terrain where it is drawn as far
+/// as the horizon, `above`: whether the eye is above the drawn ground.
+#[must_use]
+pub fn holes_of(camera: &Camera, covered: &[bool], lowest_m: Option<f64>, above: bool) -> usize {
+    let limb = lowest_m.map(|lowest_m| Limb::new(camera, lowest_m));
+    let view = View::new(camera, covered);
+    let meets = |at: usize| limb.as_ref().is_some_and(|l| l.meets(view.ray(at)));
+    (0..covered.len())
+        .filter(|&at| !covered[at] && (meets(at) || (above && view.has_terrain_above(at))))
+        .count()
 }
 
 /// The ellipsoid below all terrain, from the eye.
@@ -410,7 +415,7 @@ pub fn on_planets(
         let lowest_m = planet.info().height_min_m;
         let mut bench = Bench::new(gpu, &planet, shape)?;
         let share = poses / part;
-        let views = if share >= 600 { 50 } else { 5 };
+        let views = if share >= 600 { 50 } else { 20 };
         let plan = Plan { views, above_min_m };
         let places = places(&mut dice, share.div_ceil(views));
         found.add(settled(
