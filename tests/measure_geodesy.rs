@@ -40,7 +40,7 @@ struct Site {
 struct Post {
     i: i32,
     j: i32,
-    eye_to_vertex_m: [String; 3],
+    from_eye_m: [String; 3],
 }
 
 impl Site {
@@ -60,7 +60,7 @@ impl Site {
 
 impl Post {
     fn eye_to_vertex_m(&self) -> DVec3 {
-        let digits = |k: usize| self.eye_to_vertex_m[k].parse().expect("a number");
+        let digits = |k: usize| self.from_eye_m[k].parse().expect("a number");
         DVec3::new(digits(0), digits(1), digits(2))
     }
 }

@@ -72,7 +72,7 @@ impl Geometry {
         )]
         let turn = around.round() as usize;
         let closes = (around - around.round()).abs() < ON_POST
-            && (self.columns == turn || self.columns == turn + 1);
+            && (self.columns == turn || turn.checked_add(1) == Some(self.columns));
         closes.then_some(turn)
     }
 
