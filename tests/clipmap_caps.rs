@@ -1,7 +1,6 @@
 //! The poles, the seams between partitions, the date line and the equator: distances against the formula the ground is made
 //! of, pictures from both partitions against each other, and what flying over a seam does.
 #![expect(
-    clippy::expect_used,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,
@@ -113,7 +112,7 @@ fn both(booth: &mut Booth, camera: &Camera) -> [(Vec<f32>, Vec<u8>); 2] {
         };
         assert_eq!(figures.partition, Some(expected), "kept by hysteresis");
         let ranges = booth.ranges();
-        assert_eq!(booth.holes(camera, LOWEST_M), 0);
+        assert_eq!(booth.holes(camera, LOWEST_M), 0, "holes");
         (ranges, booth.pixels.clone())
     })
 }

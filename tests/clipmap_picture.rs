@@ -4,7 +4,6 @@
     clippy::expect_used,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    clippy::cast_precision_loss,
     reason = "a test: numbers are small and what fails must say so"
 )]
 

@@ -54,7 +54,8 @@ impl Studio {
         let mut pixels = vec![0; (WIDTH * HEIGHT * 4) as usize];
         self.target.bind();
         self.gpu.clear([grey, grey, grey, 1.0]);
-        assert_eq!(self.globe.draw(camera, &Look::BARE, false), 1);
+        let calls = self.globe.draw(camera, &Look::BARE, false);
+        assert_eq!(calls, 1, "it is in the picture");
         self.target.read_rgba(&mut pixels);
         self.gpu.check("while drawing").expect("no GL error");
         pixels

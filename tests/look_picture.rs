@@ -36,6 +36,16 @@ fn draw(booth: &mut Booth, look: &Look) -> Vec<[u8; 3]> {
     pixels.map(|p| [p[0], p[1], p[2]]).collect()
 }
 
+/// A height so far up that this share of the ground in the picture lies below the warning, metres.
+fn above_share_m(camera: &Camera, ranges: &[f32], share: f64) -> f64 {
+    let mut heights: Vec<f64> = (0..ranges.len())
+        .filter_map(|at| ground(camera, at, ranges[at]))
+        .map(|g| g.height_ellipsoid.0)
+        .collect();
+    heights.sort_by(f64::total_cmp);
+    heights[(heights.len() as f64 * share) as usize] + 30.48
+}
+
 fn is_red([r, g, b]: [u8; 3]) -> bool {
     u32::from(r) > 2 * u32::from(g) && r > b
 }
@@ -57,13 +67,7 @@ fn ground_is_red_from_100_ft_below_and_yellow_from_1000_ft_below() {
         let camera = camera(eye, (40.0, -20.0, 0.0), 60.0);
         booth.settle(&camera);
         let ranges = booth.ranges();
-        // So high that this share of what is seen lies below the warning.
-        let mut heights: Vec<f64> = (0..ranges.len())
-            .filter_map(|at| ground(&camera, at, ranges[at]))
-            .map(|g| g.height_ellipsoid.0)
-            .collect();
-        heights.sort_by(f64::total_cmp);
-        let height_m = heights[(heights.len() as f64 * share) as usize] + 30.48;
+        let height_m = above_share_m(&camera, &ranges, share);
         let look = Look {
             awareness: Some(Metres(height_m)),
             palette,

@@ -40,7 +40,7 @@ struct Site {
 struct Post {
     i: i32,
     j: i32,
-    from_eye_m: [String; 3],
+    eye_to_vertex_m: [String; 3],
 }
 
 impl Site {
@@ -59,8 +59,8 @@ impl Site {
 }
 
 impl Post {
-    fn from_eye_m(&self) -> DVec3 {
-        let digits = |k: usize| self.from_eye_m[k].parse().expect("a number");
+    fn eye_to_vertex_m(&self) -> DVec3 {
+        let digits = |k: usize| self.eye_to_vertex_m[k].parse().expect("a number");
         DVec3::new(digits(0), digits(1), digits(2))
     }
 }
@@ -80,7 +80,7 @@ fn geodesy_in_64_bits_agrees_with_50_digits_to_nanometres() {
         for post in &site.posts {
             let (lon, lat) = (grid.longitude_deg(0, post.i), grid.latitude_deg(0, post.j));
             let n = site.partition().normal(lon, lat);
-            let error = (on_normal(n, site.ground_m) - eye - post.from_eye_m()).length();
+            let error = (on_normal(n, site.ground_m) - eye - post.eye_to_vertex_m()).length();
             worst = worst.max(error);
             count += 1;
             // Coordinates of 6.4e6 m have steps of 0.93 nm: two roundings of three coordinates each, and those of angles.
@@ -129,7 +129,7 @@ fn what_the_vertex_shader_puts_out_agrees_with_50_digits() {
                 let at = ((window.i + x) << level, (window.j + y) << level);
                 for (k, post) in site.posts.iter().enumerate() {
                     if at.1 == post.j && (at.0 - post.i) % turn == 0 {
-                        let truth = post.from_eye_m();
+                        let truth = post.eye_to_vertex_m();
                         let drawn = DVec3::from_array(vertex.position_m.map(f64::from));
                         let px = (drawn - truth).length() / truth.length() * 935.0;
                         let so_far = found.entry(k).or_insert(0.0);

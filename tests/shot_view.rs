@@ -114,21 +114,9 @@ fn the_andes_are_where_a_ray_cast_finds_them() {
     let (width, height) = (512_u32, 300_u32);
     let (png, pfm) = (dir.join("view.png"), dir.join("view.pfm"));
     let out = support::glasswing_command()
-        .args([
-            "shot",
-            "--eye",
-            "-32.6,-70.3,4200",
-            "--attitude",
-            "215,-4,0",
-        ])
-        .args([
-            "--hfov",
-            "60",
-            "--size",
-            "512x300",
-            "--terrain-only",
-            "--json",
-        ])
+        .args(["shot", "--eye", "-32.6,-70.3,4200"])
+        .args(["--attitude", "215,-4,0", "--hfov", "60"])
+        .args(["--size", "512x300", "--terrain-only", "--json"])
         .args([Path::new("--pack"), &pack, Path::new("--out"), &png])
         .args([Path::new("--range"), &pfm])
         .output()
@@ -157,7 +145,7 @@ fn the_andes_are_where_a_ray_cast_finds_them() {
     let eye = camera.eye.to_ecef();
     let ranges = read_pfm(&pfm, width as usize);
     assert_eq!(ranges.len(), (width * height) as usize);
-    let (mut squares, mut count, mut exact) = (0.0, 0, 0);
+    let (mut squares, mut worst_px, mut count, mut exact) = (0.0, 0.0_f64, 0, 0);
     for (at, &range) in ranges.iter().enumerate().step_by(7) {
         let (x, y) = (at % width as usize, at / width as usize);
         let ray = camera.ray_ecef(x as f64 + 0.5, y as f64 + 0.5);
@@ -172,13 +160,16 @@ fn the_andes_are_where_a_ray_cast_finds_them() {
             assert!(error_m < 0.3, "{error_m} m at {range} m, pixel {x} {y}");
             exact += 1;
         }
-        squares += (error_m * camera.focal_px() / range).powi(2);
+        let error_px = error_m * camera.focal_px() / range;
+        squares += error_px.powi(2);
+        worst_px = worst_px.max(error_px);
         count += 1;
     }
     assert!(exact > 500 && count > 5000, "{exact} of {count}");
-    // 512 pixels wide: half of the published 1024-pixel goal of 0.35.
+    // Half of the published 1024-pixel goals, less the 0.25 that triangles differ from the bilinear surface.
     let rms = (squares / f64::from(count)).sqrt();
-    assert!(rms < 0.175, "{rms} px");
+    assert!(rms < 0.12, "{rms} px");
+    assert!(worst_px < 1.5, "{worst_px} px");
 }
 
 #[test]

@@ -120,7 +120,8 @@ fn slopes_of_a_cap_are_those_of_its_ground() {
             let north = 6.0 / chord_m(partition, (i, j - 1), (i, j + 1));
             let length = (east * east + north * north + 1.0).sqrt();
             for (byte, component) in [(surface[0][0], -east), (surface[0][1], -north)] {
-                let got = (f64::from(byte) - 128.0) / 127.0;
+                let c = (f64::from(byte) - 128.0) / 127.0;
+                let got = c * (0.5 + 0.5 * c.abs());
                 assert!(
                     (got - component / length).abs() < 0.008,
                     "{partition:?} {i} {j}: {got} for {}",
@@ -155,5 +156,8 @@ fn a_damaged_cap_tile_is_inherited_from_the_coarser_level_of_its_cap() {
     assert_eq!(damage.counts().checksum, 4, "the four tiles at the pole");
     let mut whole = Sampler::new(&land, Partition::South, codes, &damage);
     whole.fill(0, (-10, -10), (width, height), &mut fine, &mut surface);
-    assert!(surface.iter().all(|s| s[3] == 0), "the other cap is whole");
+    assert!(
+        surface.iter().all(|s| s[3] != 255),
+        "the other cap is whole"
+    );
 }

@@ -128,7 +128,7 @@ impl GlobeRenderer {
             gpu: Rc::clone(gpu),
             extent,
             painter: Painter::start(source, extent).map_err(GlobeError::Thread)?,
-            missing: extent.texels(),
+            missing: (0..extent.details()).map(|d| extent.texels(d)).sum(),
             surface: texture(Format::Rgba8)?,
             heights: texture(Format::R8)?,
             shaders: [Shader::new(gpu, plain)?, Shader::new(gpu, lined)?],
@@ -164,17 +164,13 @@ impl GlobeRenderer {
                 width: side(piece.width),
                 height: side(piece.height),
             };
-            self.surface
-                .write(region, bytemuck::cast_slice(&piece.surface));
-            self.heights.write(region, &piece.tint);
+            let surface: &[u8] = bytemuck::cast_slice(&piece.surface);
+            self.surface.write_detail(piece.detail, region, surface);
+            self.heights.write_detail(piece.detail, region, &piece.tint);
             uploaded += piece.tint.len();
             self.painter.give_back(piece);
         }
         self.missing = self.missing.saturating_sub(uploaded);
-        if self.missing == 0 {
-            self.surface.make_mipmaps();
-            self.heights.make_mipmaps();
-        }
         uploaded
     }
 

@@ -380,7 +380,6 @@ impl TerrainRenderer {
 
     #[expect(
         clippy::cast_possible_truncation,
-        clippy::cast_precision_loss,
         reason = "numbers for the shader, which is f32"
     )]
     fn set_frame(&self, shader: &Shader, scene: &Scene, look: &Look) {

@@ -57,7 +57,7 @@ pub enum Filter {
     /// Bilinear.
     Linear,
     /// Bilinear within the two nearest levels of detail and between them. The texture gets its smaller levels from
-    /// [`Texture::make_mipmaps`].
+    /// [`Texture::write_detail`].
     Trilinear,
 }
 
@@ -168,20 +168,28 @@ impl Texture {
     /// # Panics
     /// If the region leaves the texture or `texels` is not exactly its size: the owner knows both.
     pub fn write(&self, region: Region, texels: &[u8]) {
+        self.write_detail(0, region, texels);
+    }
+
+    /// The same for a smaller level of detail of a [`Filter::Trilinear`] texture: level `k` has sides of `2^k`-th the
+    /// length, rounded down, at least 1.
+    ///
+    /// # Panics
+    /// As [`Self::write`].
+    pub fn write_detail(&self, detail: u8, region: Region, texels: &[u8]) {
+        let across = (self.width >> detail).max(1);
+        let up = (self.height >> detail).max(1);
         let Region {
             x,
             y,
             width,
             height,
         } = region;
-        let inside = x
-            .checked_add(width)
-            .is_some_and(|right| right <= self.width)
-            && y.checked_add(height)
-                .is_some_and(|bottom| bottom <= self.height);
+        let inside = x.checked_add(width).is_some_and(|right| right <= across)
+            && y.checked_add(height).is_some_and(|bottom| bottom <= up);
         assert!(
             inside,
-            "{region:?} outside a texture of {} x {}",
+            "{region:?} outside level {detail} of a texture of {} x {}",
             self.width, self.height
         );
         assert_eq!(
@@ -197,7 +205,7 @@ impl Texture {
         unsafe {
             self.gpu.gl().tex_sub_image_2d(
                 glow::TEXTURE_2D,
-                0,
+                i32::from(detail),
                 gl_i32(x),
                 gl_i32(y),
                 gl_i32(width),
@@ -262,13 +270,6 @@ impl Texture {
             },
             texels,
         );
-    }
-
-    /// Computes the smaller levels of a [`Filter::Trilinear`] texture from its largest. Leaves it bound to unit 0.
-    pub fn make_mipmaps(&self) {
-        self.bind(0);
-        // SAFETY: the context is current on this thread (Gpu is !Send) and the texture is bound.
-        unsafe { self.gpu.gl().generate_mipmap(glow::TEXTURE_2D) };
     }
 
     /// Lets samplers of unit `unit` read it.

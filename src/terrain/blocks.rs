@@ -11,9 +11,9 @@ use super::clipmap::{CellRect, Shape};
 use arrayvec::ArrayVec;
 use bytemuck::{Pod, Zeroable};
 
-/// Most blocks a level can need: 15 by 15 without a hole. With a hole no more than that, plus a row and a column in each of
-/// the four bands that the hole's sides cut.
-pub const BLOCKS_MAX: usize = 960;
+/// Most blocks a level can need: 50 by 50 of 9 cells for 447 vertices without a hole. With a hole no more than that, plus a
+/// row and a column in each of the four bands that the hole's sides cut.
+pub const BLOCKS_MAX: usize = 2704;
 
 /// One block: an instance of the pattern, as the vertex shader reads it. Posts counted from the window's origin.
 #[repr(C)]

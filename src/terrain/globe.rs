@@ -1,8 +1,8 @@
 //! All that a pack covers in one picture, for the one-piece Earth seen from far above: which posts it is made of, and the
 //! thread that reads them. [`crate::gl::globe`] draws it.
 //!
-//! The thread sleeps until it is asked, makes the picture once, piece by piece, and ends. It allocates when it is asked, on
-//! its own account; pieces circulate, so the frame loop never does.
+//! The thread sleeps until it is asked, makes the picture once with all its levels of detail, hands it over piece by piece,
+//! and ends. It allocates when it is asked, on its own account; pieces circulate, so the frame loop never does.
 
 use super::grid::Grid;
 use super::pack::PackInfo;
@@ -96,10 +96,27 @@ impl Extent {
         )
     }
 
-    /// Texels.
+    /// Levels of detail: down to one texel.
     #[must_use]
-    pub const fn texels(&self) -> usize {
-        self.width.cast_unsigned() as usize * self.height.cast_unsigned() as usize
+    pub fn details(&self) -> u8 {
+        let longest = self.width.max(self.height).max(1);
+        u8::try_from(longest.ilog2() + 1).unwrap_or(1)
+    }
+
+    /// Columns and rows of a level of detail.
+    #[must_use]
+    pub fn size(&self, detail: u8) -> (i32, i32) {
+        (
+            (self.width >> detail).max(1),
+            (self.height >> detail).max(1),
+        )
+    }
+
+    /// Texels of a level of detail.
+    #[must_use]
+    pub fn texels(&self, detail: u8) -> usize {
+        let (width, height) = self.size(detail);
+        unsigned(width) * unsigned(height)
     }
 }
 
@@ -119,9 +136,11 @@ pub const TINT_BASE_M: f64 = -500.0;
 /// Height from one [`encode_tint`] byte to the next, metres.
 pub const TINT_STEP_M: f64 = 25.0;
 
-/// A rectangle of the picture, row by row from its south-west texel.
+/// A rectangle of a level of detail of the picture, row by row from its south-west texel.
 #[derive(Debug)]
 pub struct Piece {
+    /// Which level of detail: 0 the finest.
+    pub detail: u8,
     /// First column.
     pub x: i32,
     /// First row.
@@ -163,6 +182,7 @@ impl Painter {
         let area = (PIECE_SIDE * PIECE_SIDE).cast_unsigned() as usize;
         for _ in 0..PIECES {
             let piece = Piece {
+                detail: 0,
                 x: 0,
                 y: 0,
                 width: 0,
@@ -254,7 +274,76 @@ impl Hand<'_> {
         }
     }
 
+    /// Paints the finest level of detail, then halves it until one texel is left, and sends each as it is done.
     fn paint<S: TileSource>(&mut self, source: &S, extent: Extent) {
+        let mut canvas = Canvas::painted(source, &extent, &self.shared.stop);
+        for detail in 0..extent.details() {
+            if detail > 0 {
+                canvas = canvas.reduced(extent.size(detail));
+            }
+            if !self.send(detail, &canvas) {
+                return;
+            }
+        }
+    }
+
+    /// Sends a level of detail in pieces; `false` when it is to stop.
+    fn send(&mut self, detail: u8, canvas: &Canvas) -> bool {
+        for y in (0..canvas.height).step_by(PIECE_SIDE as usize) {
+            for x in (0..canvas.width).step_by(PIECE_SIDE as usize) {
+                if !self.wait(|hand| !hand.from.is_empty()) {
+                    return false;
+                }
+                let Ok(mut piece) = self.from.pop() else {
+                    return false;
+                };
+                (piece.detail, piece.x, piece.y) = (detail, x, y);
+                piece.width = PIECE_SIDE.min(canvas.width - x);
+                piece.height = PIECE_SIDE.min(canvas.height - y);
+                piece.surface.clear();
+                piece.tint.clear();
+                for row in y..y + piece.height {
+                    let first = canvas.index(x, row);
+                    let all = first..first + unsigned(piece.width);
+                    piece
+                        .surface
+                        .extend_from_slice(&canvas.surface[all.clone()]);
+                    piece.tint.extend_from_slice(&canvas.tint[all]);
+                }
+                if self.to.push(piece).is_err() {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}
+
+/// A level of detail of the picture.
+struct Canvas {
+    width: i32,
+    height: i32,
+    surface: Vec<[u8; 4]>,
+    tint: Vec<u8>,
+}
+
+impl Canvas {
+    fn new((width, height): (i32, i32)) -> Self {
+        let texels = unsigned(width) * unsigned(height);
+        Self {
+            width,
+            height,
+            surface: vec![[0; 4]; texels],
+            tint: vec![0; texels],
+        }
+    }
+
+    fn index(&self, x: i32, y: i32) -> usize {
+        unsigned(y) * unsigned(self.width) + unsigned(x)
+    }
+
+    /// The finest one, from a pack; unfinished where it is told to stop.
+    fn painted<S: TileSource>(source: &S, extent: &Extent, stop: &AtomicBool) -> Self {
         let info = source.info();
         let heights = HeightCode::covering(info.height_min_m, info.height_max_m);
         // What is damaged is counted where it is flown over.
@@ -262,56 +351,94 @@ impl Hand<'_> {
         let mut sampler = Sampler::new(source, Partition::Geographic, heights, &damage);
         let mut codes = vec![[0_u16; 2]; BATCH_TEXELS];
         let mut surface = vec![[0_u8; 4]; BATCH_TEXELS];
-        for y in (0..extent.height).step_by(PIECE_SIDE as usize) {
-            for x in (0..extent.width).step_by(PIECE_SIDE as usize) {
-                if !self.wait(|hand| !hand.from.is_empty()) {
-                    return;
+        let mut canvas = Self::new(extent.size(0));
+        let side = if extent.every == 1 { PIECE_SIDE } else { 1 };
+        for y in (0..extent.height).step_by(unsigned(side)) {
+            for x in (0..extent.width).step_by(unsigned(side)) {
+                if stop.load(Ordering::Acquire) {
+                    return canvas;
                 }
-                let Ok(mut piece) = self.from.pop() else {
-                    return;
-                };
-                (piece.x, piece.y) = (x, y);
-                piece.width = PIECE_SIDE.min(extent.width - x);
-                piece.height = PIECE_SIDE.min(extent.height - y);
-                piece.surface.clear();
-                piece.tint.clear();
-                let mut take = |at: (i32, i32), size: (i32, i32)| {
-                    let (width, height) = (unsigned(size.0), unsigned(size.1));
-                    let count = width * height;
-                    sampler.fill(
-                        extent.level,
-                        at,
-                        (width, height),
-                        &mut codes[..count],
-                        &mut surface[..count],
-                    );
-                    piece.surface.extend_from_slice(&surface[..count]);
-                    let tints = codes[..count].iter();
-                    piece
-                        .tint
-                        .extend(tints.map(|c| encode_tint(heights.decode(c[0]))));
-                };
-                let post = |x: i32, y: i32| {
-                    (
-                        extent.west + x * extent.every,
-                        extent.south + y * extent.every,
-                    )
-                };
-                if extent.every == 1 {
-                    take(post(x, y), (piece.width, piece.height));
-                } else {
-                    for row in y..y + piece.height {
-                        for column in x..x + piece.width {
-                            take(post(column, row), (1, 1));
-                        }
+                let post = (
+                    extent.west + x * extent.every,
+                    extent.south + y * extent.every,
+                );
+                let width = unsigned(side.min(extent.width - x));
+                let height = unsigned(side.min(extent.height - y));
+                let count = width * height;
+                sampler.fill(
+                    extent.level,
+                    post,
+                    (width, height),
+                    &mut codes[..count],
+                    &mut surface[..count],
+                );
+                let rows = codes[..count]
+                    .chunks_exact(width)
+                    .zip(surface.chunks_exact(width));
+                for (row, (codes, surface)) in (y..).zip(rows) {
+                    let first = canvas.index(x, row);
+                    canvas.surface[first..first + width].copy_from_slice(surface);
+                    for (tint, code) in canvas.tint[first..].iter_mut().zip(codes) {
+                        *tint = encode_tint(heights.decode(code[0]));
                     }
-                }
-                if self.to.push(piece).is_err() {
-                    return;
                 }
             }
         }
+        canvas
     }
+
+    /// About half as large in each direction: every texel is the mean of the two or three by two or three it covers, by how
+    /// much of each, so that nothing wanders however often it is done.
+    fn reduced(&self, size: (i32, i32)) -> Self {
+        let mut out = Self::new(size);
+        for y in 0..size.1 {
+            let rows = shares(y, size.1, self.height);
+            for x in 0..size.0 {
+                let columns = shares(x, size.0, self.width);
+                let mut sums = [0.0_f32; 5];
+                for (row, of_row) in rows.clone() {
+                    for (column, of_column) in columns.clone() {
+                        let at = self.index(column, row);
+                        let share = of_row * of_column;
+                        let [a, b, c, d] = self.surface[at];
+                        for (sum, byte) in sums.iter_mut().zip([a, b, c, d, self.tint[at]]) {
+                            *sum += share * f32::from(byte);
+                        }
+                    }
+                }
+                let [a, b, c, d, tint] = sums.map(rounded);
+                let at = out.index(x, y);
+                out.surface[at] = [a, b, c, d];
+                out.tint[at] = tint;
+            }
+        }
+        out
+    }
+}
+
+/// The texels, out of `of`, under texel `at` of a row of `count`, with the share that each has in it.
+#[expect(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    reason = "rows of at most a few thousand texels"
+)]
+fn shares(at: i32, count: i32, of: i32) -> impl Iterator<Item = (i32, f32)> + Clone {
+    let ratio = of as f32 / count as f32;
+    let (begin, end) = (at as f32 * ratio, (at + 1) as f32 * ratio);
+    let last = (end.ceil() as i32).min(of);
+    (begin as i32..last).map(move |texel| {
+        let covered = end.min((texel + 1) as f32) - begin.max(texel as f32);
+        (texel, covered.max(0.0) / ratio)
+    })
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a mean of bytes is a byte"
+)]
+fn rounded(mean: f32) -> u8 {
+    mean.round() as u8
 }
 
 const fn unsigned(count: i32) -> usize {
@@ -320,8 +447,8 @@ const fn unsigned(count: i32) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::super::grid::{Bounds, PostRect};
     use super::*;
+    use crate::terrain::grid::{Bounds, POSTS_PER_DEGREE, PostRect};
 
     fn info(posts_per_degree: u32, rect: PostRect) -> PackInfo {
         let grid = Grid { posts_per_degree };
@@ -365,7 +492,7 @@ mod tests {
 
     #[test]
     fn the_whole_earth_fits_and_closes() {
-        for posts_per_degree in super::super::grid::POSTS_PER_DEGREE {
+        for posts_per_degree in POSTS_PER_DEGREE {
             let grid = Grid { posts_per_degree };
             let half = grid.posts_around() / 2;
             let rect = PostRect {
@@ -398,5 +525,38 @@ mod tests {
             );
         }
         assert_eq!((encode_tint(-9000.0), encode_tint(8848.0)), (0, 255));
+    }
+
+    #[test]
+    fn halving_keeps_means_and_places() {
+        for (width, height) in [(8, 6), (13, 7), (5, 1)] {
+            let mut canvas = Canvas::new((width, height));
+            for y in 0..height {
+                for x in 0..width {
+                    let at = canvas.index(x, y);
+                    // A ramp: its value tells where it is, to a tenth of a texel.
+                    let value = u8::try_from(10 * x + 5 * y).expect("small");
+                    canvas.surface[at] = [value, 128, 0, 255];
+                    canvas.tint[at] = value;
+                }
+            }
+            let size = ((width / 2).max(1), (height / 2).max(1));
+            let half = canvas.reduced(size);
+            for y in 0..size.1 {
+                for x in 0..size.0 {
+                    let at = half.index(x, y);
+                    let centre = |at: i32, count: i32, of: i32| {
+                        (f64::from(at) + 0.5) * f64::from(of) / f64::from(count) - 0.5
+                    };
+                    let (cx, cy) = (centre(x, size.0, width), centre(y, size.1, height));
+                    let expected = 10.0 * cx + 5.0 * cy;
+                    assert!(
+                        (f64::from(half.tint[at]) - expected).abs() <= 1.1,
+                        "{x} {y}"
+                    );
+                    assert_eq!(half.surface[at][1..], [128, 0, 255]);
+                }
+            }
+        }
     }
 }

@@ -7,7 +7,7 @@ use super::cull::{Bound, Patch, Span, Viewer};
 use super::grid::Grid;
 use super::partition::Partition;
 use super::plan::{LevelPlan, Plan};
-use super::silhouette::{Place, Silhouette, Tops};
+use super::silhouette::{Lattice, Silhouette, Tops};
 use super::stream::Streamer;
 use super::tables::HeightCode;
 use crate::geo::Camera;
@@ -36,6 +36,8 @@ struct Ring {
     blocks: Blocks,
     bounds: Vec<Bound>,
     tops_m: Vec<Tops>,
+    /// Around the blocks that stand together: one past the last, and their bound.
+    groups: Vec<(u16, Bound)>,
 }
 
 impl Ring {
@@ -46,6 +48,7 @@ impl Ring {
             blocks: Blocks::new(),
             bounds: Vec::with_capacity(BLOCKS_MAX),
             tops_m: Vec::with_capacity(BLOCKS_MAX),
+            groups: Vec::with_capacity(BLOCKS_MAX),
         }
     }
 }
@@ -57,7 +60,9 @@ struct Candidate {
     at: u8,
     block: u16,
     span: Span,
-    place: Place,
+    near_m: f64,
+    far_m: f64,
+    lattice: Lattice,
     is_hidden: bool,
 }
 
@@ -80,7 +85,7 @@ impl Rings {
             candidates: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             by_near: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             by_far: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
-            silhouette: Silhouette::new(),
+            silhouette: Silhouette::default(),
         }
     }
 
@@ -108,6 +113,13 @@ impl Rings {
             for &block in &ring_of.blocks {
                 ring_of.tops_m.push(ground.tops_m(plan, block));
                 ring_of.bounds.push(ground.bound(plan, block));
+            }
+            ring_of.groups.clear();
+            let mut first = 0;
+            while let Some((end, rect)) = group(&ring_of.blocks, first) {
+                let end = u16::try_from(end).unwrap_or(u16::MAX);
+                ring_of.groups.push((end, ground.bound(plan, rect)));
+                first = end.into();
             }
         }
     }
@@ -167,13 +179,27 @@ impl Rings {
         self.candidates.clear();
         for (at, plan) in (0..).zip(levels) {
             let ring = &self.rings[usize::from(plan.level)];
-            for (block, bound) in (0..).zip(&ring.bounds) {
-                if let Some(span) = viewer.sees(bound) {
+            let mut first = 0;
+            for (end, around) in &ring.groups {
+                let blocks = first..*end;
+                first = *end;
+                if viewer.sees(around).is_none() {
+                    continue;
+                }
+                for block in blocks {
+                    let bound = &ring.bounds[usize::from(block)];
+                    let Some(span) = viewer.sees(bound) else {
+                        continue;
+                    };
+                    let lattice = self.silhouette.lattice(bound);
+                    let (near_m, far_m) = lattice.distances_m(bound.bulge_m());
                     self.candidates.push(Candidate {
                         at,
                         block,
                         span,
-                        place: self.silhouette.place(bound),
+                        near_m,
+                        far_m,
+                        lattice,
                         is_hidden: false,
                     });
                 }
@@ -185,8 +211,8 @@ impl Rings {
     fn hide(&mut self, ground: &Ground<'_>, levels: &[LevelPlan]) {
         let all = || (0..).take(self.candidates.len());
         let candidates = &self.candidates;
-        let near = |&c: &u16| candidates[usize::from(c)].place.near_m;
-        let far = |&c: &u16| candidates[usize::from(c)].place.far_m;
+        let near = |&c: &u16| candidates[usize::from(c)].near_m;
+        let far = |&c: &u16| candidates[usize::from(c)].far_m;
         self.by_near.clear();
         self.by_near.extend(all());
         self.by_near
@@ -197,11 +223,11 @@ impl Rings {
             .sort_unstable_by(|a, b| far(a).total_cmp(&far(b)));
         let mut nearer = self.by_far.iter().peekable();
         for &c in &self.by_near {
-            let place = self.candidates[usize::from(c)].place;
+            let near_m = self.candidates[usize::from(c)].near_m;
             while let Some(&n) =
-                nearer.next_if(|&&n| self.candidates[usize::from(n)].place.far_m <= place.near_m)
+                nearer.next_if(|&&n| self.candidates[usize::from(n)].far_m <= near_m)
             {
-                let n = self.candidates[usize::from(n)];
+                let n = &self.candidates[usize::from(n)];
                 if n.is_hidden {
                     continue;
                 }
@@ -211,7 +237,7 @@ impl Rings {
                     ring.blocks[usize::from(n.block)],
                     &ring.bounds[usize::from(n.block)],
                 );
-                ground.draw_lines(&mut self.silhouette, level, block, bound);
+                ground.draw_lines(&mut self.silhouette, level, block, bound, &n.lattice);
             }
             let this = &self.candidates[usize::from(c)];
             let ring = &self.rings[usize::from(levels[usize::from(this.at)].level)];
@@ -274,22 +300,25 @@ impl Ground<'_> {
         bound.widened(cell_m * f64::from(more_west.max(more_south)))
     }
 
-    /// The tops of a block's parts.
+    /// The tops of a block's quarters.
     fn tops_m(&self, plan: &LevelPlan, block: Block) -> Tops {
         let west = plan.window.i + i32::from(block.west);
         let south = plan.window.j + i32::from(block.south);
-        // The posts of a quarter, with those on its sides.
-        let quarter = |first: i32, cells: i32, k: i32| {
-            (first + cells * k / 4, first + (cells * (k + 1) + 3) / 4)
+        // The posts of half a side, with those on its ends.
+        let half = |first: i32, cells: i32, k: i32| {
+            (first + cells * k / 2, first + (cells * (k + 1) + 1) / 2)
         };
-        [0, 1, 2, 3].map(|row| {
-            let (from_j, to_j) = quarter(south, block.height(), row);
-            [0, 1, 2, 3].map(|column| {
-                let (from_i, to_i) = quarter(west, block.width(), column);
+        [0, 1].map(|row| {
+            let (from_j, to_j) = half(south, block.height(), row);
+            [0, 1].map(|column| {
+                let (from_i, to_i) = half(west, block.width(), column);
                 let code = self
                     .streamer
                     .top_code(plan.level, (from_i, from_j), (to_i, to_j));
-                #[expect(clippy::cast_possible_truncation, reason = "metres; rounded up below")]
+                #[expect(
+                    clippy::cast_possible_truncation,
+                    reason = "metres; a centimetre is added"
+                )]
                 let top_m = self.heights.decode(code) as f32;
                 top_m + 0.01
             })
@@ -303,6 +332,7 @@ impl Ground<'_> {
         plan: &LevelPlan,
         block: Block,
         bound: &Bound,
+        lattice: &Lattice,
     ) {
         let (w, h) = (block.width(), block.height());
         let (west, south) = (
@@ -315,9 +345,7 @@ impl Ground<'_> {
         } else {
             (h, w, south)
         };
-        let lattice = silhouette.lattice(bound);
-        let step = line_step(self.shape);
-        let mut at = (-first).rem_euclid(step);
+        let mut at = (-first).rem_euclid(LINE_STEP);
         while at <= lines {
             let line = lattice.line(f64::from(at) / f64::from(lines), northward);
             let each = 1.0 / f64::from(posts);
@@ -331,15 +359,34 @@ impl Ground<'_> {
                 line.point(f64::from(k) * each, self.heights.decode(code))
             });
             silhouette.add(points, bound.bulge_m());
-            at += step;
+            at += LINE_STEP;
         }
     }
 }
 
-/// Every how many posts a line is followed: an even number, three or four lines of a block.
-fn line_step(shape: Shape) -> i32 {
-    2 * (shape.block_cells() / 6).max(1)
+/// How many blocks stand together.
+const GROUP: usize = 8;
+
+/// The blocks of a ring from the `first` on that stand together in a row: one past the last, and the rectangle of them.
+fn group(blocks: &[Block], first: usize) -> Option<(usize, Block)> {
+    let start = blocks.get(first)?;
+    let in_row =
+        |b: &&Block| (b.south, b.north) == (start.south, start.north) && b.west >= start.west;
+    let count = blocks[first..]
+        .iter()
+        .take(GROUP)
+        .take_while(in_row)
+        .count();
+    let end = first + count;
+    let rect = Block {
+        east: blocks[end - 1].east,
+        ..*start
+    };
+    Some((end, rect))
 }
+
+/// Every how many posts a line is followed: an even number, since even rows and columns are edges at any blend.
+const LINE_STEP: i32 = 2;
 
 /// Clip z = k w + c between a near and a far distance along the optical axis, metres.
 #[expect(

@@ -12,7 +12,7 @@
 
 use super::cull::Bound;
 use crate::geo::Camera;
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 
 /// Columns across the picture: some pixels each.
 const COLUMNS: usize = 256;
@@ -39,17 +39,8 @@ pub struct Silhouette {
     is_used: bool,
 }
 
-/// Horizontal distances of a block from the eye, metres.
-#[derive(Clone, Copy, Debug)]
-pub struct Place {
-    /// No point of it is nearer.
-    pub near_m: f64,
-    /// No point of it is farther.
-    pub far_m: f64,
-}
-
-/// The greatest heights of the sixteen parts of a block, metres: rows from the south, each from the west.
-pub type Tops = [[f32; 4]; 4];
+/// The greatest heights of the four quarters of a block, metres: rows from the south, each from the west.
+pub type Tops = [[f32; 2]; 2];
 
 /// The directions that something takes up: right / forward from left to right, and the top, up / forward.
 #[derive(Clone, Copy, Debug)]
@@ -83,10 +74,9 @@ impl Sight {
     }
 }
 
-impl Silhouette {
+impl Default for Silhouette {
     /// One that hides nothing.
-    #[must_use]
-    pub const fn new() -> Self {
+    fn default() -> Self {
         Self {
             eye: DVec3::ZERO,
             axes: DMat3::IDENTITY,
@@ -96,7 +86,9 @@ impl Silhouette {
             is_used: false,
         }
     }
+}
 
+impl Silhouette {
     /// Begins a frame with nothing seen. `is_above_ground`: whether the eye is known to be above what is drawn under it;
     /// where it is not, or the camera looks too steeply, nothing will be hidden.
     pub fn begin(&mut self, camera: &Camera, is_above_ground: bool) {
@@ -144,17 +136,6 @@ impl Silhouette {
         across(*nw - *sw) > across(*se - *sw)
     }
 
-    /// Where a block stands.
-    #[must_use]
-    pub fn place(&self, bound: &Bound) -> Place {
-        let centre = self.axes * (bound.centre() - self.eye);
-        let away = centre.x.hypot(centre.y);
-        Place {
-            near_m: away - bound.radius_m(),
-            far_m: away + bound.radius_m(),
-        }
-    }
-
     /// Whether all of a block lies behind ground already seen, under its greatest height.
     #[must_use]
     pub fn hides(&self, lattice: &Lattice, bulge_m: f64) -> bool {
@@ -179,13 +160,13 @@ impl Silhouette {
             .all(|&height| height > sight.top)
     }
 
-    /// Whether all parts of a block lie behind ground already seen, each under its own top.
+    /// Whether all quarters of a block lie behind ground already seen, each under its own top.
     #[must_use]
     pub fn hides_parts(&self, lattice: &Lattice, tops_m: &Tops, bulge_m: f64) -> bool {
         if !self.is_used {
             return false;
         }
-        let share = |k: usize| [0.0, 0.25, 0.5, 0.75, 1.0][k];
+        let share = |k: usize| [0.0, 0.5, 1.0][k];
         for (row, tops) in tops_m.iter().enumerate() {
             let sides = [row, row + 1].map(|k| lattice.line(share(k), false));
             for (column, &top_m) in tops.iter().enumerate() {
@@ -213,8 +194,9 @@ impl Silhouette {
                 walk = None;
                 continue;
             }
-            let u = (p.y / p.x - self.first) * self.per_unit;
-            let v = (p.z - bulge_m) / p.x - MARGIN;
+            let inverse = 1.0 / p.x;
+            let u = (p.y * inverse - self.first) * self.per_unit;
+            let v = (p.z - bulge_m) * inverse - MARGIN;
             match &mut walk {
                 None => walk = Some(Walk::new(u, v)),
                 Some(walk) => walk.to(u, v, &mut self.heights),
@@ -242,6 +224,19 @@ pub struct Lattice {
 }
 
 impl Lattice {
+    /// Horizontal distances from the eye, metres, that no point of the block is nearer than, and none farther.
+    #[must_use]
+    pub fn distances_m(&self, bulge_m: f64) -> (f64, f64) {
+        let flat = self.corners.map(DVec3::truncate);
+        let middle = flat.iter().sum::<DVec2>().normalize_or_zero();
+        let near = flat
+            .iter()
+            .map(|c| c.dot(middle))
+            .fold(f64::INFINITY, f64::min);
+        let far = flat.iter().map(|c| c.length()).fold(0.0, f64::max);
+        (near - bulge_m, far + bulge_m)
+    }
+
     /// A line of posts: east to west at a share of the way north, or south to north at a share of the way east.
     #[must_use]
     pub fn line(&self, at: f64, northward: bool) -> Line {
@@ -313,6 +308,11 @@ impl Walk {
     fn to(&mut self, u: f64, v: f64, heights: &mut [f64; COLUMNS]) {
         let goal = column_of(u);
         let step = (goal - self.column).signum();
+        if step == 0 {
+            self.low = self.low.min(v);
+            (self.u, self.v) = (u, v);
+            return;
+        }
         let slope = (v - self.v) / (u - self.u);
         while self.column != goal {
             let side = f64::from(if step > 0 {
@@ -342,7 +342,6 @@ impl Walk {
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
-    clippy::cast_possible_wrap,
     reason = "clamped to columns of the picture and one beside it"
 )]
 fn column_of(u: f64) -> i32 {

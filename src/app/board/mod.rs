@@ -89,7 +89,7 @@ pub struct Airspeeds {
 pub struct TerrainWish {
     /// The pack; none means no terrain.
     pub pack: Option<PathBuf>,
-    /// Vertices along the side of a clipmap level: 127, 191 or 255.
+    /// Vertices along the side of a clipmap level: 127, 175, 191, 255, 319 or 447.
     pub vertices: u32,
     /// Height samples uploaded per frame at most.
     pub upload_texels_per_frame: u32,
@@ -334,7 +334,7 @@ fn read_terrain(r: &mut Reader, file: &Path, problems: &mut Vec<Problem>) -> Opt
     let pack = r
         .optional_text("pack", problems)
         .map(|p| file.parent().unwrap_or(Path::new("")).join(p));
-    let vertices = r.choice_of_number("vertices", &[127, 191, 255], problems);
+    let vertices = r.choice_of_number("vertices", &[127, 175, 191, 255, 319, 447], problems);
     let upload = r.whole("upload_texels_per_frame", 4096..=1_048_576, problems);
     let awareness = r.flag("awareness", problems);
     let grid = r.flag("grid", problems);

@@ -84,7 +84,10 @@ const SLIPS: &[(&str, &[&str])] = &[
     ),
     (
         "[terrain]\nvertices = 128",
-        &["terrain.vertices: 128 is not offered", "[127, 191, 255]"],
+        &[
+            "terrain.vertices: 128 is not offered",
+            "[127, 175, 191, 255, 319, 447]",
+        ],
     ),
     (
         "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"",

@@ -179,6 +179,31 @@ fn of_source<S: TileSource>(
             out.normal_deg = normals;
         }
     }
+    for (name, path, seconds) in paths(source, &scenes, effort.seconds) {
+        let start = path.point(0.0);
+        let partition = Partition::at(start.latitude.to_degrees(), None);
+        let partition = if source.has(partition) {
+            partition
+        } else {
+            Partition::Geographic
+        };
+        let field = Field::load(source, partition, &start, effort.reach_m.min(40_000.0));
+        let name = format!("{label}: {name}");
+        let pops = pop::fly(bench, &field, &path, seconds, &mut |at, of| {
+            progress.at(&name, at as usize, of as usize);
+        })?;
+        out.pop_px_max = out.pop_px_max.max(pops.px_max);
+        out.pops.push(pops.report(&name));
+    }
+    Ok(out)
+}
+
+/// The flights over a source: a low one over its middle, and over the seams where it has caps.
+fn paths<S: TileSource>(
+    source: &S,
+    scenes: &[Scene],
+    seconds: f64,
+) -> Vec<(&'static str, Path, f64)> {
     let view = ((1024, 600), 60.0);
     let middle = scenes.iter().find(|s| s.name.starts_with("100 m"));
     let mut paths = Vec::new();
@@ -194,12 +219,12 @@ fn of_source<S: TileSource>(
                 above_m: 100.0,
                 view,
             },
-            effort.seconds,
+            seconds,
         ));
     }
     if source.has(Partition::North) {
         // The parallel is passed in the middle of the flight.
-        let half_deg = 100.0 * effort.seconds / 4.0 / 111_320.0;
+        let half_deg = 100.0 * seconds / 4.0 / 111_320.0;
         let across = |(lat, lon)| Path {
             from_deg: (lat - half_deg, lon),
             heading_deg: 0.0,
@@ -207,30 +232,19 @@ fn of_source<S: TileSource>(
             above_m: 300.0,
             view,
         };
-        paths.push(("across 45 N", across((45.0, 7.0)), effort.seconds / 2.0));
+        paths.push(("across 45 N", across((45.0, 7.0)), seconds / 2.0));
         paths.push((
             "across the seam at 70 N",
             across((SEAM_LATITUDE_DEG + SEAM_HYSTERESIS_DEG, 20.0)),
-            effort.seconds / 2.0,
+            seconds / 2.0,
         ));
     }
-    for (name, path, seconds) in paths {
-        let start = path.point(0.0);
-        let partition = Partition::at(start.latitude.to_degrees(), None);
-        let partition = if source.has(partition) {
-            partition
-        } else {
-            Partition::Geographic
-        };
-        let field = Field::load(source, partition, &start, effort.reach_m.min(40_000.0));
-        let name = format!("{label}: {name}");
-        let pops = pop::fly(bench, &field, &path, seconds, &mut |at, of| {
-            progress.at(&name, at as usize, of as usize)
-        })?;
-        out.pop_px_max = out.pop_px_max.max(pops.px_max);
-        out.pops.push(pops.report(&name));
-    }
-    Ok(out)
+    paths
+}
+
+/// The one with the largest maximum.
+fn worst(spreads: impl Iterator<Item = Spread>) -> Spread {
+    spreads.fold(Spread::default(), |a, b| if b.max > a.max { b } else { a })
 }
 
 /// Everything: the document of `measure accuracy`.
@@ -287,10 +301,7 @@ pub fn run<S: TileSource>(
             .flat_map(|s| of(s).clone())
             .collect::<Vec<_>>()
     };
-    let worst = sources
-        .iter()
-        .map(|s| s.normal_deg)
-        .fold(Spread::default(), |a, b| if b.max > a.max { b } else { a });
+    let worst = worst(sources.iter().map(|s| s.normal_deg));
     Ok(json!({
         "position": position,
         "cases": cases,

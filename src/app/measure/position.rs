@@ -30,6 +30,56 @@ pub struct Case {
     pub camera: Camera,
 }
 
+/// An eye in degrees and metres above the ground, heading, pitch and roll in degrees, field of view in degrees, and size.
+type View = (
+    &'static str,
+    (f64, f64, f64),
+    (f64, f64, f64),
+    f64,
+    (u32, u32),
+);
+
+/// Heading, pitch and roll of a view ahead, degrees.
+const AHEAD_DEG: (f64, f64, f64) = (30.0, -10.0, 0.0);
+
+/// What is hard about the view rather than about the place.
+const VIEWS: [View; 12] = {
+    let (low, high) = ((46.5, 8.0, 300.0), (46.5, 8.0, 18_000.0));
+    let ahead = (200.0, -5.0, 0.0);
+    [
+        ("18 000 m level", high, (200.0, 0.0, 0.0), HFOV_DEG, SIZE),
+        (
+            "18 000 m straight down",
+            high,
+            (0.0, -90.0, 0.0),
+            HFOV_DEG,
+            SIZE,
+        ),
+        (
+            "18 000 m over the pole",
+            (90.0, 0.0, 18_000.0),
+            (0.0, -30.0, 0.0),
+            HFOV_DEG,
+            SIZE,
+        ),
+        ("roll 90", low, (200.0, -5.0, 90.0), HFOV_DEG, SIZE),
+        ("field of view 2", low, (200.0, -2.0, 0.0), 2.0, SIZE),
+        ("field of view 120", low, (200.0, -20.0, 0.0), 120.0, SIZE),
+        ("aspect 32:9", low, ahead, 100.0, (2560, 720)),
+        ("aspect 1:4", low, ahead, 20.0, (270, 1080)),
+        ("1 x 1 pixel", low, ahead, 60.0, (1, 1)),
+        ("odd size 641 x 479", low, ahead, 60.0, (641, 479)),
+        (
+            "straight up",
+            (46.5, 8.0, 1.0),
+            (0.0, 90.0, 0.0),
+            HFOV_DEG,
+            SIZE,
+        ),
+        ("upside down", low, (200.0, -5.0, 180.0), HFOV_DEG, SIZE),
+    ]
+};
+
 /// The hard cases on the planet of [`crate::terrain::planet`]. Heights are still above ground.
 #[must_use]
 pub fn hard_cases() -> Vec<Case> {
@@ -40,18 +90,12 @@ pub fn hard_cases() -> Vec<Case> {
             camera: camera(at, attitude, hfov_deg, size),
         });
     };
-    let ahead = (30.0, -10.0, 0.0);
     for lat in [
         0.0, 44.999, 45.0, 45.001, 69.9, 70.0, 70.1, 89.999, 90.0, -44.999, -45.0, -45.001, -69.9,
         -70.0, -70.1, -89.999, -90.0,
     ] {
-        add(
-            &format!("latitude {lat}"),
-            (lat, 9.0003, 1.0),
-            ahead,
-            HFOV_DEG,
-            SIZE,
-        );
+        let name = format!("latitude {lat}");
+        add(&name, (lat, 9.0003, 1.0), AHEAD_DEG, HFOV_DEG, SIZE);
     }
     for (lon, heading) in [
         (179.999_99, 90.0),
@@ -61,114 +105,19 @@ pub fn hard_cases() -> Vec<Case> {
         (-179.999_99, 270.0),
     ] {
         let name = format!("longitude {lon} heading {heading}");
-        add(
-            &name,
-            (-19.5, lon, 1.0),
-            (heading, -10.0, 0.0),
-            HFOV_DEG,
-            SIZE,
-        );
+        let attitude = (heading, -10.0, 0.0);
+        add(&name, (-19.5, lon, 1.0), attitude, HFOV_DEG, SIZE);
     }
-    let (summit, basin) = (SUMMIT_DEG, BASIN_DEG);
-    let flank = flank_deg(4000.0);
-    add(
-        "0.3 m over the lowest land, -430 m",
-        (basin.0, basin.1, 0.3),
-        ahead,
-        HFOV_DEG,
-        SIZE,
-    );
-    add(
-        "0.3 m over 4000 m",
-        (flank.0, flank.1, 0.3),
-        ahead,
-        HFOV_DEG,
-        SIZE,
-    );
-    add(
-        "0.3 m over the highest land, 8848 m",
-        (summit.0, summit.1, 0.3),
-        ahead,
-        HFOV_DEG,
-        SIZE,
-    );
-    add(
-        "18 000 m level",
-        (46.5, 8.0, 18_000.0),
-        (200.0, 0.0, 0.0),
-        HFOV_DEG,
-        SIZE,
-    );
-    add(
-        "18 000 m straight down",
-        (46.5, 8.0, 18_000.0),
-        (0.0, -90.0, 0.0),
-        HFOV_DEG,
-        SIZE,
-    );
-    add(
-        "18 000 m over the pole",
-        (90.0, 0.0, 18_000.0),
-        (0.0, -30.0, 0.0),
-        HFOV_DEG,
-        SIZE,
-    );
-    add(
-        "roll 90",
-        (46.5, 8.0, 300.0),
-        (200.0, -5.0, 90.0),
-        HFOV_DEG,
-        SIZE,
-    );
-    add(
-        "field of view 2",
-        (46.5, 8.0, 300.0),
-        (200.0, -2.0, 0.0),
-        2.0,
-        SIZE,
-    );
-    add(
-        "field of view 120",
-        (46.5, 8.0, 300.0),
-        (200.0, -20.0, 0.0),
-        120.0,
-        SIZE,
-    );
-    add(
-        "aspect 32:9",
-        (46.5, 8.0, 300.0),
-        (200.0, -5.0, 0.0),
-        100.0,
-        (2560, 720),
-    );
-    add(
-        "aspect 1:4",
-        (46.5, 8.0, 300.0),
-        (200.0, -5.0, 0.0),
-        20.0,
-        (270, 1080),
-    );
-    add(
-        "1 x 1 pixel",
-        (46.5, 8.0, 300.0),
-        (200.0, -5.0, 0.0),
-        60.0,
-        (1, 1),
-    );
-    add(
-        "odd size 641 x 479",
-        (46.5, 8.0, 300.0),
-        (200.0, -5.0, 0.0),
-        60.0,
-        (641, 479),
-    );
-    add(
-        "straight up",
-        (46.5, 8.0, 1.0),
-        (0.0, 90.0, 0.0),
-        HFOV_DEG,
-        SIZE,
-    );
+    for (name, (lat, lon)) in [
+        ("0.3 m over the lowest land, -430 m", BASIN_DEG),
+        ("0.3 m over 4000 m", flank_deg(4000.0)),
+        ("0.3 m over the highest land, 8848 m", SUMMIT_DEG),
+    ] {
+        add(name, (lat, lon, 0.3), AHEAD_DEG, HFOV_DEG, SIZE);
+    }
+    for (name, at, attitude, hfov_deg, size) in VIEWS {
+        add(name, at, attitude, hfov_deg, size);
+    }
     cases
 }
 
