@@ -91,6 +91,21 @@ fn the_ground_does_not_pop_where_a_parallel_or_the_seam_is_crossed() {
     }
 }
 
+/// A corner of the picture that only a neighbour of the blocks in it covers: seen once in 650 random views.
+#[test]
+fn a_block_that_reaches_over_its_side_is_drawn_there() {
+    let (gpu, _screen) = gpu();
+    let planet = Arc::new(Planet::new(Kind::Sea, 1200));
+    let mut bench = Bench::new(&gpu, &planet, shape(127)).expect("a renderer");
+    let mut view = camera((46.0, 8.0, 9006.223), (0.0, 0.0, 0.0), 60.0, (160, 96));
+    (view.eye.latitude, view.eye.longitude) = (Radians(0.802_868_074), Radians(0.140_323_27));
+    view.attitude.heading_true = Radians(1.747_954_417);
+    (view.attitude.pitch, view.attitude.roll) = (Radians(0.063_659_429), Radians(0.787_572_118));
+    let figures = bench.settle(&view).expect("settles");
+    let holes = watertight::holes(&mut bench, &view, &figures, 0.0).expect("a picture");
+    assert_eq!(holes, 0, "{figures:?}");
+}
+
 /// The same view with something wrong.
 fn wrong(good: Camera, spoil: impl FnOnce(&mut Camera)) -> Camera {
     let mut camera = good;

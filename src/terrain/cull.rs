@@ -79,6 +79,14 @@ impl Bound {
         }
     }
 
+    /// The same where something of it reaches up to `by_m` farther on any side.
+    #[must_use]
+    pub const fn widened(mut self, by_m: f64) -> Self {
+        self.radius_m += by_m;
+        self.bulge_m += by_m;
+        self
+    }
+
     /// The middle of the sphere around it.
     #[must_use]
     pub const fn centre(&self) -> DVec3 {

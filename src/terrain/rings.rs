@@ -11,6 +11,7 @@ use super::silhouette::{Lattice, Silhouette, Tops};
 use super::stream::Streamer;
 use super::tables::HeightCode;
 use crate::geo::Camera;
+use crate::geo::WGS84_A_M;
 use crate::limits::LEVELS_MAX;
 
 /// Nothing is drawn nearer to the eye, metres.
@@ -275,10 +276,19 @@ impl Ground<'_> {
             plan.window.j + i32::from(block.south),
         );
         let (width, height) = (block.width(), block.height());
-        let (low, high) = self
-            .streamer
-            .extremes(plan.level, (west, south), (width, height));
-        Bound::of(&Patch {
+        // On the window's outer edge a corner on an odd post is drawn at the even one before it, one cell beyond the block.
+        let cells = self.shape.cells();
+        let at_side = block.west == 0 || i32::from(block.east) == cells;
+        let at_end = block.south == 0 || i32::from(block.north) == cells;
+        let more_west = i32::from(at_end) * west.rem_euclid(2);
+        let more_south = i32::from(at_side) * south.rem_euclid(2);
+        let (low, high) = self.streamer.extremes(
+            plan.level,
+            (west - more_west, south - more_south),
+            (width + more_west, height + more_south),
+        );
+        let cell_m = self.grid.spacing_deg(plan.level).to_radians() * WGS84_A_M;
+        let bound = Bound::of(&Patch {
             partition: self.partition,
             south_deg: self.grid.latitude_deg(plan.level, south),
             west_deg: self.grid.longitude_deg(plan.level, west),
@@ -286,7 +296,8 @@ impl Ground<'_> {
             east_deg: self.grid.longitude_deg(plan.level, west + width),
             height_min_m: self.heights.decode(low),
             height_max_m: self.heights.decode(high),
-        })
+        });
+        bound.widened(cell_m * f64::from(more_west.max(more_south)))
     }
 
     /// The tops of a block's quarters.

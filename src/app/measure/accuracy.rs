@@ -124,7 +124,11 @@ pub fn normals<S: TileSource>(source: &S, partition: Partition, field: &Field) -
         for i in (1..side - 65).step_by((side / 12).max(64).unsigned_abs() as usize) {
             sampler.fill(0, (west + i, south + j), (64, 64), &mut codes, &mut texels);
             for (at, texel) in texels.iter().enumerate() {
-                let component = |byte: u8| (f64::from(byte) - 128.0) / 127.0;
+                // As shaders/include/relief.glsl reads it.
+                let component = |byte: u8| {
+                    let c = (f64::from(byte) - 128.0) / 127.0;
+                    c * (0.5 + 0.5 * c.abs())
+                };
                 let (east, north) = (component(texel[0]), component(texel[1]));
                 let up = (1.0 - east * east - north * north).max(0.0).sqrt();
                 let (x, y) = (
