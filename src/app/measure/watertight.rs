@@ -335,10 +335,15 @@ pub fn hungry(
     above_all_m: f64,
 ) -> Result<Found, Failure> {
     let mut found = Found::default();
+    // Away from the pole of its side: a latitude beyond it is none.
     let over = |near: (f64, f64), k: f64| {
         let attitude = (9.0 * k, -15.0 - k % 30.0, 4.0 * k);
         camera(
-            (near.0 + 0.01 * k, near.1 - 0.015 * k, above_all_m),
+            (
+                near.0 - 0.01 * k * near.0.signum(),
+                near.1 - 0.015 * k,
+                above_all_m,
+            ),
             attitude,
             60.0,
             SIZES[0],
