@@ -28,7 +28,7 @@ fn demo(out: &Path, more: &[&str]) -> Value {
 #[test]
 fn the_demo_flies_and_says_how_it_went() {
     let out = support::scratch_dir("demo");
-    let seconds = if support::is_emulated() { "20" } else { "8" };
+    let seconds = if support::is_emulated() { "60" } else { "8" };
     let summary = demo(&out, &["--seconds", seconds, "--size", "480x300"]);
     let source = &summary["sources"][0];
     assert!(
