@@ -1,5 +1,4 @@
 //! `glasswing measure`: figures of the terrain, each with how it was obtained.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
 pub mod accuracy;
 pub mod bench;
@@ -14,6 +13,7 @@ pub mod watertight;
 
 use crate::app::cockpit;
 use crate::app::error::{Failure, Kind};
+use crate::app::out;
 use crate::app::picture::Size;
 use crate::app::shot::{self, Backend};
 use crate::gl::Gpu;
@@ -177,7 +177,7 @@ fn measured(
         .map_or(Value::Null, |p| p.display().to_string().into());
     value["optimised"] = (!cfg!(debug_assertions)).into();
     let (text, plots) = show(&value);
-    print!("{text}");
+    out::write(format_args!("{text}"));
     if let Some(path) = &args.json {
         write(path, &format!("{value:#}\n"))?;
     }
