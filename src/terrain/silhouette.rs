@@ -321,7 +321,7 @@ impl Lattice {
     pub fn distances_m(&self) -> (f32, f32) {
         let high = self.at_share(1.0);
         let (x, y) = (self.low.x.element_sum(), self.low.y.element_sum());
-        let length = x.hypot(y).max(f32::MIN_POSITIVE);
+        let length = (x * x + y * y).sqrt().max(f32::MIN_POSITIVE);
         let (x, y) = (x / length, y / length);
         let along = |q: &Quad| (q.x * x + q.y * y).min_element();
         let away = |q: &Quad| (q.x * q.x + q.y * q.y).max_element();
@@ -335,7 +335,7 @@ impl Lattice {
     pub fn prefers_columns(&self) -> bool {
         let across = |a: usize, b: usize| {
             let (x, y) = (self.low.x[b] - self.low.x[a], self.low.y[b] - self.low.y[a]);
-            y.abs() / x.hypot(y).max(1.0)
+            y * y / (x * x + y * y).max(1.0)
         };
         across(0, 2) > across(0, 1)
     }
@@ -499,3 +499,6 @@ impl Walk {
 fn column_of(u: f32) -> usize {
     u.clamp(0.0, (WITH_SIDES - 1) as f32) as usize
 }
+
+#[cfg(test)]
+mod tests;
