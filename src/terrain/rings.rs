@@ -2,7 +2,7 @@
 //! a picture: inside its sides, before the horizon, and not behind nearer ground ([`super::silhouette`]).
 
 use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
-use super::clipmap::{self, CellRect, Shape, Window};
+use super::clipmap::{self, CellRect, Extent, Shape};
 use super::cull::{Bound, Patch, Span, Viewer};
 use super::grid::Grid;
 use super::partition::Partition;
@@ -31,7 +31,7 @@ pub(super) struct Ground<'a> {
 /// A level's blocks with their bounds.
 #[derive(Debug)]
 struct Ring {
-    key: Option<(Window, Option<CellRect>)>,
+    key: Option<(Extent, Option<CellRect>)>,
     version: u32,
     blocks: Blocks,
     bounds: Vec<Bound>,
@@ -92,18 +92,18 @@ impl Rings {
     /// Cuts each level's ring into blocks and bounds them, where anything has changed.
     pub(super) fn lay(&mut self, ground: &Ground<'_>, levels: &[LevelPlan]) {
         let shape = ground.shape;
-        let mut finer: Option<Window> = None;
+        let mut finer: Option<Extent> = None;
         for plan in levels {
-            let hole = finer.and_then(|w| clipmap::hole(shape, plan.window, &plan.morph, w));
-            finer = Some(plan.window);
+            let hole = finer.and_then(|f| clipmap::hole(plan.extent(), &plan.morph, f));
+            finer = Some(plan.extent());
             let ring_of = &mut self.rings[usize::from(plan.level)];
-            let key = Some((plan.window, hole));
+            let key = Some((plan.extent(), hole));
             let version = ground.streamer.version(plan.level);
             if ring_of.key == key && ring_of.version == version {
                 continue;
             }
             let rows = ground.rows(plan);
-            if ring_of.key != key && !ring(shape, hole, rows, &mut ring_of.blocks) {
+            if ring_of.key != key && !ring(shape, plan.cells, hole, rows, &mut ring_of.blocks) {
                 debug_assert!(false, "a ring of more than {BLOCKS_MAX} blocks");
             }
             ring_of.key = key;
@@ -254,9 +254,9 @@ impl Rings {
 }
 
 impl Ground<'_> {
-    /// The first and one past the last row of cells that are drawn of a level, from the window's origin.
+    /// The first and one past the last row of cells that are drawn of a level, from its origin.
     fn rows(&self, plan: &LevelPlan) -> (i32, i32) {
-        let cells = self.shape.cells();
+        let cells = plan.cells;
         match self.partition {
             Partition::Geographic => {
                 let limit = clipmap::row_limit(self.grid, self.levels, plan.level);
@@ -276,8 +276,8 @@ impl Ground<'_> {
             plan.window.j + i32::from(block.south),
         );
         let (width, height) = (block.width(), block.height());
-        // On the window's outer edge a corner on an odd post is drawn at the even one before it, one cell beyond the block.
-        let cells = self.shape.cells();
+        // On the outer edge a corner on an odd post is drawn at the even one before it, one cell beyond the block.
+        let cells = plan.cells;
         let at_side = block.west == 0 || i32::from(block.east) == cells;
         let at_end = block.south == 0 || i32::from(block.north) == cells;
         let more_west = i32::from(at_end) * west.rem_euclid(2);
