@@ -1,12 +1,12 @@
 //! `glasswing shot`: one settled picture of a pack, and the distances behind its pixels.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
 use crate::angle::{wrap_signed, wrap_turn};
 use crate::app::cockpit;
 use crate::app::error::{Failure, Kind};
 use crate::app::instruments::{Instruments, InstrumentsError};
+use crate::app::out::say;
 use crate::app::picture::{Effort, Size, write_png};
-use crate::app::vision::Dress;
+use crate::app::vision::{Dress, Shown};
 use crate::display::{Config, Model, Terrain, Ui};
 use crate::geo::{Attitude, Camera, EYE_HEIGHT_M, Geodetic};
 use crate::gl::globe::ALONE_FROM;
@@ -170,6 +170,9 @@ struct Report {
     uploads_bytes: usize,
     resident_bytes: usize,
     damaged_tiles: u32,
+    /// What a display would say of this terrain; absent where there is nothing to say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    annunciation: Option<&'static str>,
     width: u32,
     height: u32,
     gpu: String,
@@ -182,17 +185,20 @@ struct Report {
 pub fn run(args: ShotArgs) -> Result<(), Failure> {
     let camera = camera(&args)?;
     let pack = cockpit::open_pack(&args.pack)?;
-    let model = model(&camera, &pack);
+    let pack = Arc::new(pack);
     let screen = open(args.backend, args.size)?;
     let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gpu_failure(&e))?;
-    let mut studio = Studio::new(&gpu, pack, &args).map_err(|e| gpu_failure(&e))?;
-    // From where an instrument would have to say that it has no height, the view goes without.
-    studio.has_instruments = model.svs.is_ok();
-    studio.instruments.list(&model);
+    let mut studio = Studio::new(&gpu, Arc::clone(&pack), &args).map_err(|e| gpu_failure(&e))?;
     let settled = studio.settle(&camera)?;
+    studio.shown = Shown::assess(&studio.scenery, &pack, &camera, &settled.figures);
+    // From where an instrument would have to say that it has no height, the view goes without.
+    studio.has_instruments = model(&camera, &pack, Shown::WELL).svs.is_ok();
+    studio
+        .instruments
+        .list(&model(&camera, &pack, studio.shown));
     let report = studio.picture(&camera, &args, settled)?;
     if args.json {
-        println!("{}", serde_json::json!(report));
+        say!("{}", serde_json::json!(report));
     }
     Ok(())
 }
@@ -234,7 +240,7 @@ fn camera(args: &ShotArgs) -> Result<Camera, Failure> {
 }
 
 /// What the instruments show over the picture: position and attitude are known, nothing else is.
-fn model(camera: &Camera, pack: &Pack) -> Model {
+fn model(camera: &Camera, pack: &Pack, shown: Shown) -> Model {
     let now = Monotonic::read();
     let (eye, attitude) = (camera.eye, camera.attitude);
     let mut state = FlightState::empty();
@@ -258,7 +264,8 @@ fn model(camera: &Camera, pack: &Pack) -> Model {
         );
     }
     let ui = Ui {
-        terrain: Terrain::Ready,
+        terrain: shown.terrain,
+        terrain_caution: shown.caution,
         ..Ui::default()
     };
     let config = Config {
@@ -312,6 +319,7 @@ struct Studio {
     scenery: Scenery,
     instruments: Instruments,
     has_instruments: bool,
+    shown: Shown,
     target: Target,
     size: Size,
 }
@@ -327,7 +335,7 @@ enum StudioError {
 }
 
 impl Studio {
-    fn new(gpu: &Rc<Gpu>, pack: Pack, args: &ShotArgs) -> Result<Self, StudioError> {
+    fn new(gpu: &Rc<Gpu>, pack: Arc<Pack>, args: &ShotArgs) -> Result<Self, StudioError> {
         let size = args.size;
         let settings = Settings {
             target_px: args.target_px,
@@ -335,9 +343,10 @@ impl Studio {
         };
         Ok(Self {
             gpu: Rc::clone(gpu),
-            scenery: Scenery::new(gpu, settings, Arc::new(pack))?,
+            scenery: Scenery::new(gpu, settings, pack)?,
             instruments: Instruments::new(gpu, size)?,
             has_instruments: true,
+            shown: Shown::WELL,
             target: Target::offscreen(gpu, size.width_px, size.height_px, SAMPLES)?,
             size,
         })
@@ -427,6 +436,7 @@ impl Studio {
             uploads_bytes: settled.uploads_bytes,
             resident_bytes: figures.resident_bytes,
             damaged_tiles: damage.checksum + damage.content + damage.reading,
+            annunciation: self.shown.label(),
             width: self.size.width_px,
             height: self.size.height_px,
             gpu: self.gpu.caps().renderer.clone(),
@@ -450,11 +460,16 @@ impl Studio {
             look.haze_m = Look::BARE.haze_m;
             return self.scenery.draw(camera, &look, false);
         }
-        let draw_calls = self.scenery.draw(camera, &look, true);
+        // As in flight: where terrain may not be shown, the instruments bring the plain horizon.
+        let mut draw_calls = 0;
+        if self.shown.terrain == Terrain::Ready || !self.has_instruments {
+            draw_calls += self.scenery.draw(camera, &look, true);
+        }
         if self.has_instruments {
             self.instruments.draw();
+            draw_calls += 1;
         }
-        draw_calls + usize::from(self.has_instruments)
+        draw_calls
     }
 
     /// Distances from the eye, metres, rows from the top; +infinity for sky. Where the Earth is in one piece these are of

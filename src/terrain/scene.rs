@@ -56,6 +56,16 @@ impl Default for Settings {
     }
 }
 
+impl From<Shape> for Settings {
+    /// The default but for the shape.
+    fn from(shape: Shape) -> Self {
+        Self {
+            shape,
+            ..Self::default()
+        }
+    }
+}
+
 /// A camera that no picture can be drawn from: not finite, no latitude, no size, or a field of view out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the camera is no camera: a position, attitude or size is not a usable number")]

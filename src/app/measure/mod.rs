@@ -1,5 +1,4 @@
 //! `glasswing measure`: figures of the terrain, each with how it was obtained.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
 pub mod accuracy;
 pub mod bench;
@@ -14,11 +13,13 @@ pub mod watertight;
 
 use crate::app::cockpit;
 use crate::app::error::{Failure, Kind};
+use crate::app::out;
 use crate::app::picture::Size;
 use crate::app::shot::{self, Backend};
 use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
+use crate::terrain::scene;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -94,6 +95,9 @@ pub struct SpeedArgs {
     /// Vertices along a side of a level; may be given several times
     #[arg(long, value_name = "N", value_parser = parse_shape)]
     vertices: Vec<Shape>,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {
@@ -137,7 +141,7 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                     frames: args.frames.max(2),
                     reach_m: args.common.reach_m(),
                 };
-                speed::run(gpu, pack, &args.vertices, effort, progress)
+                speed::run(gpu, pack, &args.vertices, args.target_px, effort, progress)
             },
             |value| (table::speed(value), plot::speed(value)),
         ),
@@ -177,7 +181,7 @@ fn measured(
         .map_or(Value::Null, |p| p.display().to_string().into());
     value["optimised"] = (!cfg!(debug_assertions)).into();
     let (text, plots) = show(&value);
-    print!("{text}");
+    out::write(format_args!("{text}"));
     if let Some(path) = &args.json {
         write(path, &format!("{value:#}\n"))?;
     }
