@@ -2,7 +2,7 @@
 //! a picture: inside its sides, before the horizon, and not behind nearer ground ([`super::silhouette`]).
 
 use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
-use super::clipmap::{self, CellRect, Shape, Window};
+use super::clipmap::{self, CellRect, Extent, Shape};
 use super::cull::{Bound, Patch, Span, Viewer};
 use super::grid::Grid;
 use super::partition::Partition;
@@ -33,7 +33,7 @@ pub(super) struct Ground<'a> {
 /// A level's blocks with their bounds.
 #[derive(Debug)]
 struct Ring {
-    key: Option<(Window, Option<CellRect>)>,
+    key: Option<(Extent, Option<CellRect>)>,
     version: u32,
     blocks: Blocks,
     /// What bounds are counted from: the middle of the window.
@@ -128,18 +128,18 @@ impl Rings {
     /// Cuts each level's ring into blocks and bounds them, where anything has changed.
     pub(super) fn lay(&mut self, ground: &Ground<'_>, levels: &[LevelPlan]) {
         let shape = ground.shape;
-        let mut finer: Option<Window> = None;
+        let mut finer: Option<Extent> = None;
         for plan in levels {
-            let hole = finer.and_then(|w| clipmap::hole(shape, plan.window, &plan.morph, w));
-            finer = Some(plan.window);
+            let hole = finer.and_then(|f| clipmap::hole(plan.extent(), &plan.morph, f));
+            finer = Some(plan.extent());
             let ring_of = &mut self.rings[usize::from(plan.level)];
-            let key = Some((plan.window, hole));
+            let key = Some((plan.extent(), hole));
             let version = ground.streamer.version(plan.level);
             if ring_of.key == key && ring_of.version == version {
                 continue;
             }
             let rows = ground.rows(plan);
-            if ring_of.key != key && !ring(shape, hole, rows, &mut ring_of.blocks) {
+            if ring_of.key != key && !ring(shape, plan.cells, hole, rows, &mut ring_of.blocks) {
                 debug_assert!(false, "a ring of more than {BLOCKS_MAX} blocks");
             }
             ring_of.key = key;
@@ -323,9 +323,9 @@ impl Rings {
 }
 
 impl Ground<'_> {
-    /// The first and one past the last row of cells that are drawn of a level, from the window's origin.
+    /// The first and one past the last row of cells that are drawn of a level, from its origin.
     fn rows(&self, plan: &LevelPlan) -> (i32, i32) {
-        let cells = self.shape.cells();
+        let cells = plan.cells;
         match self.partition {
             Partition::Geographic => {
                 let limit = clipmap::row_limit(self.grid, self.levels, plan.level);
@@ -340,7 +340,7 @@ impl Ground<'_> {
 
     /// The middle of a window, where bounds are counted from.
     fn middle(&self, plan: &LevelPlan) -> DVec3 {
-        let half = self.shape.cells() / 2;
+        let half = plan.cells / 2;
         self.partition.ecef(
             self.grid.longitude_deg(plan.level, plan.window.i + half),
             self.grid.latitude_deg(plan.level, plan.window.j + half),
@@ -362,7 +362,7 @@ impl Ground<'_> {
     /// By how many posts a corner of a block may be drawn to the west and to the south of it: on the window's outer edge one
     /// on an odd post is drawn at the even one before.
     fn overhang(&self, plan: &LevelPlan, block: Block) -> (i32, i32) {
-        let cells = self.shape.cells();
+        let cells = plan.cells;
         let at_side = block.west == 0 || i32::from(block.east) == cells;
         let at_end = block.south == 0 || i32::from(block.north) == cells;
         let odd = |first: i32, from_origin: i16| (first + i32::from(from_origin)).rem_euclid(2);

@@ -8,9 +8,9 @@ use crate::app::measure::watertight::{self, Found};
 use crate::app::measure::{Progress, position};
 use crate::geo::Camera;
 use crate::gl::Gpu;
-use crate::terrain::clipmap::Shape;
 use crate::terrain::partition::{Partition, SEAM_HYSTERESIS_DEG, SEAM_LATITUDE_DEG};
 use crate::terrain::planet::{Kind, Planet};
+use crate::terrain::scene::Settings;
 use crate::terrain::surface::{Damage, Sampler, TileSource};
 use crate::terrain::tables::HeightCode;
 use crate::terrain::truth::Field;
@@ -254,12 +254,12 @@ fn worst(spreads: impl Iterator<Item = Spread>) -> Spread {
 pub fn run<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
-    shape: Shape,
+    settings: Settings,
     effort: Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-    let mut bench = Bench::new(gpu, &planet, shape)?;
+    let mut bench = Bench::new(gpu, &planet, settings)?;
     let (cases, levels) =
         position::all_cases(&mut bench, &mut |at, of| progress.at("positions", at, of))?;
     let (position, cases) = position::report(&cases, &levels);
@@ -278,7 +278,7 @@ pub fn run<S: TileSource>(
         progress.at("views looked at for holes", seen, effort.poses);
     };
     if let Some(pack) = pack {
-        let mut bench = Bench::new(gpu, pack, shape)?;
+        let mut bench = Bench::new(gpu, pack, settings)?;
         sources.push(of_source(
             &mut bench,
             pack.as_ref(),
@@ -294,7 +294,7 @@ pub fn run<S: TileSource>(
         )?);
     }
     let left = effort.poses - found.poses.min(effort.poses);
-    found.add(watertight::on_planets(gpu, shape, left, &mut count)?);
+    found.add(watertight::on_planets(gpu, settings, left, &mut count)?);
     let all = |of: fn(&OfSource) -> &Vec<Value>| {
         sources
             .iter()
@@ -324,7 +324,8 @@ pub fn run<S: TileSource>(
             "how": "normals of the finest level as shading reads them, against the cross product of the chords between the \
                     post's neighbours in space",
         },
-        "vertices": shape.vertices(),
+        "vertices": settings.shape.vertices(),
+        "target_px": settings.target_px,
         "gpu": gpu.caps().renderer,
     }))
 }

@@ -19,6 +19,7 @@ use crate::app::shot::{self, Backend};
 use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
+use crate::terrain::scene::{self, Settings};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -81,6 +82,9 @@ pub struct AccuracyArgs {
     /// Vertices along a side of a level
     #[arg(long, value_name = "N", value_parser = parse_shape)]
     vertices: Option<Shape>,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
 }
 
 /// Arguments of `measure speed`.
@@ -94,6 +98,9 @@ pub struct SpeedArgs {
     /// Vertices along a side of a level; may be given several times
     #[arg(long, value_name = "N", value_parser = parse_shape)]
     vertices: Vec<Shape>,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {
@@ -123,10 +130,13 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                 seconds: args.seconds.clamp(0.1, 600.0),
                 reach_m: args.common.reach_m(),
             };
-            let shape = args.vertices.unwrap_or(Shape::DEFAULT);
+            let settings = Settings {
+                target_px: args.target_px,
+                ..args.vertices.unwrap_or(Shape::DEFAULT).into()
+            };
             measured(
                 &args.common,
-                |gpu, pack, progress| accuracy::run(gpu, pack, shape, effort, progress),
+                |gpu, pack, progress| accuracy::run(gpu, pack, settings, effort, progress),
                 |value| (table::accuracy(value), plot::accuracy(value)),
             )
         }
@@ -137,7 +147,7 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                     frames: args.frames.max(2),
                     reach_m: args.common.reach_m(),
                 };
-                speed::run(gpu, pack, &args.vertices, effort, progress)
+                speed::run(gpu, pack, &args.vertices, args.target_px, effort, progress)
             },
             |value| (table::speed(value), plot::speed(value)),
         ),

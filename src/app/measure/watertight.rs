@@ -14,9 +14,8 @@ use crate::app::measure::bench::{Bench, Dice, QUOTA, camera};
 use crate::app::measure::position::{above_ground, hard_cases};
 use crate::geo::{Camera, Geodetic, WGS84_A_M, WGS84_B_M};
 use crate::gl::Gpu;
-use crate::terrain::clipmap::Shape;
 use crate::terrain::planet::{Kind, Planet};
-use crate::terrain::scene::FrameFigures;
+use crate::terrain::scene::{FrameFigures, Settings};
 use crate::terrain::surface::TileSource;
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -402,7 +401,7 @@ pub fn places(dice: &mut Dice, count: usize) -> Vec<(f64, f64)> {
 /// As [`settled`].
 pub fn on_planets(
     gpu: &Rc<Gpu>,
-    shape: Shape,
+    settings: Settings,
     poses: usize,
     done: &mut dyn FnMut(usize),
 ) -> Result<Found, Failure> {
@@ -418,7 +417,7 @@ pub fn on_planets(
     for (kind, posts_per_degree, part, above_min_m) in kinds {
         let planet = Arc::new(Planet::new(kind, posts_per_degree));
         let lowest_m = planet.info().height_min_m;
-        let mut bench = Bench::new(gpu, &planet, shape)?;
+        let mut bench = Bench::new(gpu, &planet, settings)?;
         let share = poses / part;
         let views = if share >= 600 { 50 } else { 20 };
         let plan = Plan { views, above_min_m };
