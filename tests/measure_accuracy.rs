@@ -6,6 +6,7 @@ mod support;
 
 use glasswing::app::measure::bench::{Bench, QUOTA, camera};
 use glasswing::app::measure::pop::{self, Path};
+use glasswing::app::measure::poses::Search;
 use glasswing::app::measure::{Progress, accuracy, position, speed, watertight};
 use glasswing::geo::{Camera, Geodetic};
 use glasswing::gl::Gpu;
@@ -49,8 +50,14 @@ fn the_vertex_shader_is_exact_to_a_thousandth_of_a_pixel_at_every_hard_case() {
 fn no_random_view_shows_the_sky_through_the_ground() {
     let (gpu, _screen) = gpu();
     let poses = if support::is_emulated() { 16 } else { 320 };
-    let found = watertight::on_planets(&gpu, shape(127), poses, &mut |_| ()).expect("measures");
-    assert!(found.poses >= poses, "{}", found.poses);
+    let search = Search {
+        gpu: &gpu,
+        shape: shape(127),
+        numbers: 0..poses,
+    };
+    let none: Option<&Arc<Pack>> = None;
+    let found = search.run(none, &mut |_| ()).expect("measures");
+    assert_eq!(found.poses, poses, "{found:?}");
     assert_eq!(found.holes, 0, "{:#?}", found.where_);
 }
 
@@ -59,10 +66,10 @@ fn a_hole_would_be_found() {
     // Terrain whose picture has one pixel taken away is what the detector has to notice, settled or not.
     let view = camera((46.0, 8.0, 3000.0), (30.0, -10.0, 20.0), 60.0, (40, 30));
     let mut covered: Vec<bool> = (0..1200).map(|at| at >= 600).collect();
-    let open = watertight::holes_of(&view, &covered, None, true);
+    let open = watertight::holes_of(&view, &covered, None);
     covered[900] = false;
-    assert_eq!(watertight::holes_of(&view, &covered, None, true), open + 1);
-    let limb = watertight::holes_of(&view, &[false; 1200], Some(0.0), false);
+    assert_eq!(watertight::holes_of(&view, &covered, None), open + 1);
+    let limb = watertight::holes_of(&view, &[false; 1200], Some(0.0));
     assert!(limb > 300, "most of a picture that looks down: {limb}");
 }
 
@@ -182,7 +189,9 @@ fn the_documents_have_the_keys_that_stay() {
     let progress = Progress::hidden();
     let none: Option<&Arc<Pack>> = None;
     let effort = accuracy::Effort {
+        only: None,
         poses: 5,
+        first_pose: 0,
         seconds: 0.1,
         reach_m: 3000.0,
     };

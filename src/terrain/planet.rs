@@ -112,7 +112,7 @@ impl Planet {
     #[must_use]
     pub fn height(&self, n: DVec3) -> (f64, SurfaceKind) {
         match self.kind {
-            Kind::Earth => earth(n),
+            Kind::Earth => earth(n, &mut Held::default()),
             Kind::Cliffs => (self.cliffs(n), SurfaceKind::Land),
             Kind::Sea => (0.0, SurfaceKind::Water),
             Kind::Void => (0.0, SurfaceKind::Void),
@@ -139,11 +139,15 @@ const OCTAVES: u64 = 9;
 /// Highest ground of the noise, metres.
 const NOISE_MAX_M: f64 = 6500.0;
 
-fn earth(n: DVec3) -> (f64, SurfaceKind) {
+/// The corners that noise was last blended from, for each octave and the voids: neighbouring posts mostly share them.
+type Held = [Lattice; OCTAVES as usize + 1];
+
+fn earth(n: DVec3, held: &mut Held) -> (f64, SurfaceKind) {
+    let [octaves @ .., voids] = held;
     let mut height = -500.0;
     let (mut wavelength, mut amplitude) = FIRST_OCTAVE;
-    for octave in 0..OCTAVES {
-        height += amplitude * noise(n * (MEAN_RADIUS_M / wavelength), octave);
+    for (octave, held) in (0..OCTAVES).zip(octaves) {
+        height += amplitude * held.noise(n * (MEAN_RADIUS_M / wavelength), octave);
         wavelength *= 0.5;
         amplitude *= 0.52;
     }
@@ -156,7 +160,7 @@ fn earth(n: DVec3) -> (f64, SurfaceKind) {
     let raised = (land - height.max(0.0)).abs() > 0.0;
     let kind = if is_sea && !raised {
         SurfaceKind::Water
-    } else if noise(n * (MEAN_RADIUS_M / 40_000.0), 99) > 0.62 {
+    } else if voids.noise(n * (MEAN_RADIUS_M / 40_000.0), 99) > 0.62 {
         SurfaceKind::Void
     } else {
         SurfaceKind::Land
@@ -176,16 +180,41 @@ fn nearness(n: DVec3, (latitude_deg, longitude_deg): (f64, f64), reach_m: f64) -
     (1.0 - d * d).powi(2)
 }
 
-/// Noise in space by trilinear blending of a number at every corner of a unit lattice, -1 to 1.
-fn noise(p: DVec3, seed: u64) -> f64 {
-    let cell = p.floor();
-    let t = p - cell;
-    let s = t * t * (DVec3::splat(3.0) - 2.0 * t);
-    let corner = |dx: f64, dy: f64, dz: f64| unit(cell_hash(cell + DVec3::new(dx, dy, dz), seed));
-    let mix = |a: f64, b: f64, s: f64| a + (b - a) * s;
-    let edge = |dy: f64, dz: f64| mix(corner(0.0, dy, dz), corner(1.0, dy, dz), s.x);
-    let face = |dz: f64| mix(edge(0.0, dz), edge(1.0, dz), s.y);
-    mix(face(0.0), face(1.0), s.z)
+/// A cell of a unit lattice with a number at each corner, of one seed.
+#[derive(Clone, Copy, Debug)]
+struct Lattice {
+    cell: DVec3,
+    corners: [f64; 8],
+}
+
+impl Default for Lattice {
+    /// No cell.
+    fn default() -> Self {
+        Self {
+            cell: DVec3::NAN,
+            corners: [0.0; 8],
+        }
+    }
+}
+
+impl Lattice {
+    /// Noise in space by trilinear blending of the numbers around a point, -1 to 1.
+    fn noise(&mut self, p: DVec3, seed: u64) -> f64 {
+        let cell = p.floor();
+        if cell != self.cell {
+            self.cell = cell;
+            for (k, corner) in (0_u8..).zip(&mut self.corners) {
+                let at = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2));
+                *corner = unit(cell_hash(cell + at, seed));
+            }
+        }
+        let t = p - cell;
+        let s = t * t * (DVec3::splat(3.0) - 2.0 * t);
+        let mix = |a: f64, b: f64, s: f64| a + (b - a) * s;
+        let edge = |k: usize| mix(self.corners[k], self.corners[k + 1], s.x);
+        let face = |k: usize| mix(edge(k), edge(k + 2), s.y);
+        mix(face(0), face(4), s.z)
+    }
 }
 
 #[expect(
@@ -244,13 +273,17 @@ impl TileSource for Planet {
             return Err(TileError::Absent);
         }
         let grid = self.info.grid;
+        let mut held = Held::default();
         for row in key.south()..key.south() + TILE_SIDE {
             for column in key.west()..key.west() + TILE_SIDE {
                 let n = key.partition.normal(
                     grid.longitude_deg(key.level, column),
                     grid.latitude_deg(key.level, row),
                 );
-                let (height_m, kind) = self.height(n);
+                let (height_m, kind) = match self.kind {
+                    Kind::Earth => earth(n, &mut held),
+                    _ => self.height(n),
+                };
                 let at = TileKey::index_of(column, row);
                 tile.quanta[at] = quanta(height_m);
                 tile.kind[at] = kind;

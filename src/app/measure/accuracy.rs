@@ -3,8 +3,8 @@
 use crate::app::error::Failure;
 use crate::app::measure::bench::{Bench, camera};
 use crate::app::measure::pop::{self, Path};
+use crate::app::measure::poses::{Found, Search};
 use crate::app::measure::surface::{self, Spread, Surface};
-use crate::app::measure::watertight::{self, Found};
 use crate::app::measure::{Progress, position};
 use crate::geo::Camera;
 use crate::gl::Gpu;
@@ -30,15 +30,36 @@ pub fn benchmark() -> Camera {
     )
 }
 
+/// A part of the measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Part {
+    /// Where the vertex shader puts vertices, at every hard case
+    Positions,
+    /// Surface, skyline, summits and normals of views
+    Scenes,
+    /// Holes in random views
+    Holes,
+}
+
 /// How much is measured.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
+    /// What is measured; everything if `None`.
+    pub only: Option<Part>,
     /// Random views that are looked at for holes.
     pub poses: usize,
+    /// Number of the first of them.
+    pub first_pose: usize,
     /// Seconds of each flight.
     pub seconds: f64,
     /// How far from the eye rays are cast, metres.
     pub reach_m: f64,
+}
+
+impl Effort {
+    fn does(&self, part: Part) -> bool {
+        self.only.is_none_or(|only| only == part)
+    }
 }
 
 /// A view of a source with a name.
@@ -242,6 +263,30 @@ fn paths<S: TileSource>(
     paths
 }
 
+/// The key `watertight`.
+fn look_for_holes<S: TileSource>(
+    gpu: &Rc<Gpu>,
+    pack: Option<&Arc<S>>,
+    shape: Shape,
+    effort: Effort,
+    progress: &Progress,
+) -> Result<Value, Failure> {
+    let search = Search {
+        gpu,
+        shape,
+        numbers: effort.first_pose..effort.first_pose.saturating_add(effort.poses),
+    };
+    let mut holes = 0;
+    let found = search.run(pack, &mut |found: &Found| {
+        if found.holes > holes {
+            holes = found.holes;
+            progress.note(found.where_.last().map_or("", String::as_str));
+        }
+        progress.at("views looked at for holes", found.poses, effort.poses);
+    })?;
+    Ok(found.report(effort.first_pose))
+}
+
 /// The one with the largest maximum.
 fn worst(spreads: impl Iterator<Item = Spread>) -> Spread {
     spreads.fold(Spread::default(), |a, b| if b.max > a.max { b } else { a })
@@ -259,25 +304,26 @@ pub fn run<S: TileSource>(
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-    let mut bench = Bench::new(gpu, &planet, shape)?;
-    let (cases, levels) =
-        position::all_cases(&mut bench, &mut |at, of| progress.at("positions", at, of))?;
-    let (position, cases) = position::report(&cases, &levels);
-    let mut sources = vec![of_source(
-        &mut bench,
-        planet.as_ref(),
-        effort,
-        "planet",
-        progress,
-    )?];
-    drop(bench);
-    let mut found = Found::default();
-    let mut seen = 0;
-    let mut count = |n: usize| {
-        seen += n;
-        progress.at("views looked at for holes", seen, effort.poses);
-    };
-    if let Some(pack) = pack {
+    let mut document = json!({});
+    let mut sources = Vec::new();
+    if effort.does(Part::Positions) || effort.does(Part::Scenes) {
+        let mut bench = Bench::new(gpu, &planet, shape)?;
+        if effort.does(Part::Positions) {
+            let (cases, levels) =
+                position::all_cases(&mut bench, &mut |at, of| progress.at("positions", at, of))?;
+            let (position, cases) = position::report(&cases, &levels);
+            document["position"] = position;
+            document["cases"] = cases;
+        }
+        sources.push(of_source(
+            &mut bench,
+            planet.as_ref(),
+            effort,
+            "planet",
+            progress,
+        )?);
+    }
+    if let Some(pack) = pack.filter(|_| effort.does(Part::Scenes)) {
         let mut bench = Bench::new(gpu, pack, shape)?;
         sources.push(of_source(
             &mut bench,
@@ -286,15 +332,10 @@ pub fn run<S: TileSource>(
             "pack",
             progress,
         )?);
-        found.add(watertight::of_pack(
-            &mut bench,
-            pack.as_ref(),
-            effort.poses / 3,
-            &mut count,
-        )?);
     }
-    let left = effort.poses - found.poses.min(effort.poses);
-    found.add(watertight::on_planets(gpu, shape, left, &mut count)?);
+    if effort.does(Part::Holes) {
+        document["watertight"] = look_for_holes(gpu, pack, shape, effort, progress)?;
+    }
     let all = |of: fn(&OfSource) -> &Vec<Value>| {
         sources
             .iter()
@@ -302,10 +343,7 @@ pub fn run<S: TileSource>(
             .collect::<Vec<_>>()
     };
     let worst = worst(sources.iter().map(|s| s.normal_deg));
-    Ok(json!({
-        "position": position,
-        "cases": cases,
-        "watertight": found.report(),
+    let rest = json!({
         "pop_px_max": sources.iter().map(|s| s.pop_px_max).fold(0.0, f64::max),
         "pop": {
             "paths": all(|s| &s.pops),
@@ -326,5 +364,9 @@ pub fn run<S: TileSource>(
         },
         "vertices": shape.vertices(),
         "gpu": gpu.caps().renderer,
-    }))
+    });
+    for (key, value) in rest.as_object().into_iter().flatten() {
+        document[key] = value.clone();
+    }
+    Ok(document)
 }

@@ -1,11 +1,16 @@
 //! `glasswing measure`: figures of the terrain, each with how it was obtained.
-#![expect(clippy::print_stdout, reason = "the command's output")]
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "the command's output, and its notes"
+)]
 
 pub mod accuracy;
 pub mod bench;
 pub mod drawn;
 pub mod plot;
 pub mod pop;
+pub mod poses;
 pub mod position;
 pub mod speed;
 pub mod surface;
@@ -75,6 +80,12 @@ pub struct AccuracyArgs {
     /// Random views that are looked at for holes
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     poses: usize,
+    /// Number of the first of them: to look at one again, or to share them out
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    first_pose: usize,
+    /// Measure this part only
+    #[arg(long, value_enum)]
+    only: Option<accuracy::Part>,
     /// Seconds of each flight that is watched for popping
     #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = parse_positive)]
     seconds: f64,
@@ -119,7 +130,9 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
     match command {
         MeasureCommand::Accuracy(args) => {
             let effort = accuracy::Effort {
+                only: args.only,
                 poses: args.poses,
+                first_pose: args.first_pose,
                 seconds: args.seconds.clamp(0.1, 600.0),
                 reach_m: args.common.reach_m(),
             };
@@ -221,7 +234,8 @@ impl Progress {
     /// At its beginning.
     #[must_use]
     fn new() -> Self {
-        let style = ProgressStyle::with_template("{wide_bar} {msg} {pos} of {len}");
+        let style =
+            ProgressStyle::with_template("{wide_bar} {msg} {pos} of {len}, {per_sec}, {eta} left");
         Self {
             bar: ProgressBar::new(0)
                 .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())),
@@ -234,6 +248,11 @@ impl Progress {
         Self {
             bar: ProgressBar::hidden(),
         }
+    }
+
+    /// Says something that stays.
+    pub fn note(&self, what: &str) {
+        self.bar.suspend(|| eprintln!("{what}"));
     }
 
     /// Says what is being done.
