@@ -5,7 +5,7 @@
 mod support;
 
 use glasswing::app::measure::bench::{Bench, QUOTA, camera};
-use glasswing::app::measure::pop::{self, Path};
+use glasswing::app::measure::flight::{self, Flight, Path};
 use glasswing::app::measure::poses::Search;
 use glasswing::app::measure::{Progress, accuracy, position, speed, watertight};
 use glasswing::geo::{Camera, Geodetic};
@@ -15,6 +15,7 @@ use glasswing::terrain::clipmap::Shape;
 use glasswing::terrain::pack::Pack;
 use glasswing::terrain::partition::Partition;
 use glasswing::terrain::planet::{Kind, Planet};
+use glasswing::terrain::surface::TileSource;
 use glasswing::terrain::truth::Field;
 use glasswing::units::Radians;
 use serde_json::Value;
@@ -90,11 +91,20 @@ fn the_ground_does_not_pop_where_a_parallel_or_the_seam_is_crossed() {
         let near = Geodetic::from_degrees(south, lon, 0.0);
         let field = Field::load(planet.as_ref(), Partition::Geographic, &near, 4000.0);
         let seconds = if support::is_emulated() { 0.5 } else { 1.0 };
-        let pops = pop::fly(&mut bench, &field, &path, seconds, &mut |_, _| ()).expect("flies");
+        let flight = Flight {
+            path,
+            field: &field,
+            seconds,
+            lowest_m: planet.info().height_min_m,
+        };
+        let flown = flight::fly(&mut bench, &flight, None, &mut |_, _| ()).expect("flies");
         if !support::is_emulated() {
-            assert_eq!(pops.seams, seams, "{pops:?}");
+            assert_eq!(flown.seams, seams, "{flown:?}");
         }
-        assert!(pops.points > 300 && pops.px_max <= 0.5, "{south}: {pops:?}");
+        assert!(flown.points > 300, "{south}: {flown:?}");
+        assert!(flown.pop_px_max <= 0.5, "{south}: {flown:?}");
+        assert!(flown.swim_px_max <= 0.1, "{south}: {flown:?}");
+        assert_eq!(flown.holes, 0, "{south}: {flown:?}");
     }
 }
 
@@ -194,8 +204,9 @@ fn the_documents_have_the_keys_that_stay() {
         first_pose: 0,
         seconds: 0.1,
         reach_m: 3000.0,
+        sheets: None,
     };
-    let document = accuracy::run(&gpu, none, shape(63), effort, &progress).expect("measures");
+    let document = accuracy::run(&gpu, none, shape(63), &effort, &progress).expect("measures");
     for path in [
         "position.px_max",
         "position.m_max",
@@ -204,6 +215,8 @@ fn the_documents_have_the_keys_that_stay() {
         "watertight.poses",
         "watertight.holes",
         "pop_px_max",
+        "swim_px_max",
+        "pop.paths.0.holes",
     ] {
         has_number(&document, path);
     }

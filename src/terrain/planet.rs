@@ -120,6 +120,26 @@ impl Planet {
         }
     }
 
+    /// The longitude on a parallel where the ground is roughest, all of it land for 20 km around; degrees.
+    #[must_use]
+    pub fn mountains_deg(&self, latitude_deg: f64) -> f64 {
+        let narrow = latitude_deg.to_radians().cos().max(0.02);
+        let rough = |lon: f64| {
+            let near = |k: i32| {
+                let (east, north) = (0.06 * f64::from(k % 7 - 3), 0.06 * f64::from(k / 7 - 3));
+                self.height(Partition::Geographic.normal(lon + east / narrow, latitude_deg + north))
+            };
+            let is_land = (0..49).all(|k| near(k).1 == SurfaceKind::Land);
+            let heights = || (0..49).map(|k| near(k).0);
+            is_land.then(|| heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min))
+        };
+        let longitudes = (-180..180).map(f64::from);
+        let found = longitudes.map(|lon| (rough(lon).unwrap_or(0.0), lon));
+        found
+            .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
+            .1
+    }
+
     fn cliffs(&self, n: DVec3) -> f64 {
         // Cubes of 300 m: the cut of a sphere through them is a pattern of columns everywhere.
         let cell = (n * (MEAN_RADIUS_M / 300.0)).floor();
@@ -305,6 +325,25 @@ fn quanta(height_m: f64) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn mountains_are_found_on_every_parallel_that_is_flown() {
+        let planet = Planet::new(Kind::Earth, 1200);
+        for latitude_deg in [45.0, 46.5, 60.25, 70.25] {
+            let longitude_deg = planet.mountains_deg(latitude_deg);
+            let at = |k: f64| {
+                let n = Partition::Geographic.normal(longitude_deg, latitude_deg + 0.01 * k);
+                planet.height(n)
+            };
+            let heights = (-15..15).map(|k| at(f64::from(k)).0);
+            let (low, high) = heights.fold((f64::MAX, f64::MIN), |r, h| (r.0.min(h), r.1.max(h)));
+            assert!(
+                high - low > 800.0,
+                "{latitude_deg}: {low} to {high} m at {longitude_deg}"
+            );
+            assert_eq!(at(0.0).1, SurfaceKind::Land, "{latitude_deg}");
+        }
+    }
 
     #[test]
     fn the_planet_reaches_from_the_lowest_to_the_highest_land_and_has_sea_and_voids() {

@@ -8,10 +8,12 @@
 pub mod accuracy;
 pub mod bench;
 pub mod drawn;
+pub mod flight;
+pub mod flights;
 pub mod plot;
-pub mod pop;
 pub mod poses;
 pub mod position;
+pub mod sheet;
 pub mod speed;
 pub mod surface;
 pub mod table;
@@ -55,7 +57,7 @@ pub struct CommonArgs {
     /// Write all figures to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write plots (SVG) into this folder
+    /// Write plots (SVG), and contact sheets of flights (PNG), into this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
     /// How far from the eye the truth reaches: rays are cast through the finest posts within this, kilometres
@@ -86,8 +88,8 @@ pub struct AccuracyArgs {
     /// Measure this part only
     #[arg(long, value_enum)]
     only: Option<accuracy::Part>,
-    /// Seconds of each flight that is watched for popping
-    #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = parse_positive)]
+    /// Seconds of each flight that is watched for holes, popping and swimming
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = parse_positive)]
     seconds: f64,
     /// Vertices along a side of a level
     #[arg(long, value_name = "N", value_parser = parse_shape)]
@@ -135,11 +137,12 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                 first_pose: args.first_pose,
                 seconds: args.seconds.clamp(0.1, 600.0),
                 reach_m: args.common.reach_m(),
+                sheets: args.common.plot.clone(),
             };
             let shape = args.vertices.unwrap_or(Shape::DEFAULT);
             measured(
                 &args.common,
-                |gpu, pack, progress| accuracy::run(gpu, pack, shape, effort, progress),
+                |gpu, pack, progress| accuracy::run(gpu, pack, shape, &effort, progress),
                 |value| (table::accuracy(value), plot::accuracy(value)),
             )
         }

@@ -1,7 +1,7 @@
 //! Random views that are looked at for holes, each with a number: the same number is the same view every time, whatever else
 //! is looked at, so that one that has a hole can be looked at again.
 //!
-//! Twenty views in a row are of one place, a few kilometres around: most of what they need is then resident. Places take
+//! Forty views in a row are of one place, a few kilometres around: most of what they need is then resident. Places take
 //! turns over what there is to be seen ([`Lot`]); every third is one of the hard ones. At every fourth place the eye
 //! arrives by a leap and then flies on with no quota at all, and the frames while terrain is missing are looked at too.
 
@@ -23,7 +23,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// Views of one place.
-const VIEWS: usize = 20;
+const VIEWS: usize = 40;
 /// Frames looked at after a leap at most, and of a flight without a quota.
 const HUNGRY_FRAMES: u32 = 8;
 /// The lowest that an eye flies, metres above the ground.
@@ -185,8 +185,7 @@ impl Search<'_> {
             bench.settle(&over)?;
             let views = place * VIEWS..(place + 1) * VIEWS;
             for number in views.filter(|n| self.numbers.contains(n)) {
-                let view = random_view(&mut bench, number, near)?;
-                let figures = bench.settle(&view)?;
+                let (view, figures) = random_view(&mut bench, number, near)?;
                 let pixels = holes(&mut bench, &view, &figures, info.height_min_m)?;
                 found.poses += 1;
                 found.see(&format!("pose {number}"), &view, pixels, &figures);
@@ -228,7 +227,11 @@ fn place_of(place: usize, info: &PackInfo) -> (f64, f64) {
 }
 
 /// The view of a number near a place, at most a few kilometres from it, any attitude, above the ground as it is drawn.
-fn random_view(bench: &mut Bench, number: usize, near: (f64, f64)) -> Result<Camera, Failure> {
+fn random_view(
+    bench: &mut Bench,
+    number: usize,
+    near: (f64, f64),
+) -> Result<(Camera, FrameFigures), Failure> {
     let mut dice = Dice::of(2, number);
     let narrow = near.0.to_radians().cos().max(1e-3);
     let lat = (near.0 + dice.between(-0.03, 0.03)).clamp(-90.0, 90.0);
@@ -252,21 +255,20 @@ fn random_view(bench: &mut Bench, number: usize, near: (f64, f64)) -> Result<Cam
     // Where the eye is decides what is drawn, and that decides where the ground is. It need not end: then the eye is inside
     // the ground, or higher above it than meant.
     for _ in 0..4 {
-        bench.settle(&view)?;
+        let figures = bench.settle(&view)?;
         let Some(under) = Under::of(bench, &view.eye) else {
-            break;
+            return Ok((view, figures));
         };
         let least_m = under.clearance_m(&view).max(LOWEST_M);
         let above_m = least_m * (10_f64.powf(HIGHEST_LOG10) / least_m).powf(share);
         let height_m = (under.top_m + above_m).min(19_900.0);
-        let height = &mut view.eye.height_ellipsoid.0;
-        let moved_m = (*height - height_m).abs();
-        *height = height_m;
-        if moved_m < 1e-3 {
-            break;
+        if (view.eye.height_ellipsoid.0 - height_m).abs() < 1e-3 {
+            return Ok((view, figures));
         }
+        view.eye.height_ellipsoid.0 = height_m;
     }
-    Ok(view)
+    let figures = bench.settle(&view)?;
+    Ok((view, figures))
 }
 
 /// The hard cases of [`hard_cases`], in small pictures of the same shape.

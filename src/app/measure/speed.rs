@@ -12,7 +12,7 @@
 use crate::app::error::Failure;
 use crate::app::figures::Histogram;
 use crate::app::measure::Progress;
-use crate::app::measure::accuracy::{Scene, measure_scene, scenes};
+use crate::app::measure::accuracy::{Scene, measure_scene, middle, mountains, scenes};
 use crate::app::measure::bench::{Bench, QUOTA};
 use crate::geo::Camera;
 use crate::gl::Gpu;
@@ -175,6 +175,7 @@ impl Planner {
 fn of_source<S: TileSource>(
     gpu: &Rc<Gpu>,
     source: &Arc<S>,
+    middle: (f64, f64),
     shape: Shape,
     effort: Effort,
     label: &str,
@@ -183,7 +184,7 @@ fn of_source<S: TileSource>(
     let mut bench = Bench::new(gpu, source, shape)?;
     let mut planner = Planner::new(source, shape)?;
     let mut rows = Vec::new();
-    for scene in scenes(&mut bench, source.as_ref())? {
+    for scene in scenes(&mut bench, source.as_ref(), middle)? {
         progress.say(&format!(
             "{} vertices, {label}: {}",
             shape.vertices(),
@@ -232,10 +233,14 @@ pub fn run<S: TileSource>(
     for (at, &shape) in shapes.iter().enumerate() {
         progress.at("sizes of level", at, shapes.len());
         if let Some(pack) = pack {
-            rows.extend(of_source(gpu, pack, shape, effort, "pack", progress)?);
+            let at = middle(pack.info());
+            rows.extend(of_source(gpu, pack, at, shape, effort, "pack", progress)?);
         } else {
             let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-            rows.extend(of_source(gpu, &planet, shape, effort, "planet", progress)?);
+            let at = mountains(&planet);
+            rows.extend(of_source(
+                gpu, &planet, at, shape, effort, "planet", progress,
+            )?);
         }
     }
     Ok(json!({

@@ -115,9 +115,20 @@ pub fn holes_of(camera: &Camera, covered: &[bool], lowest_m: Option<f64>) -> usi
     let limb = lowest_m.map(|lowest_m| Limb::new(camera, lowest_m));
     let view = View::new(camera, covered);
     let meets = |at: usize| limb.as_ref().is_some_and(|l| l.meets(view.ray(at)));
-    (0..covered.len())
-        .filter(|&at| !covered[at] && (meets(at) || view.has_terrain_above(at)))
-        .count()
+    let is_hole = |at: usize| !covered[at] && (meets(at) || view.has_terrain_above(at));
+    // Every hole has a rim, and walking up from every pixel of the sky takes long.
+    let (width, height) = (camera.width_px as usize, camera.height_px as usize);
+    let is_rim = |at: usize| {
+        let around = |v: usize, side: usize| v.saturating_sub(1)..(v + 2).min(side);
+        around(at / width, height)
+            .any(|y| around(at % width, width).any(|x| covered[y * width + x]))
+    };
+    let pixels = || 0..covered.len();
+    if pixels().any(|at| !covered[at] && (meets(at) || (is_rim(at) && is_hole(at)))) {
+        pixels().filter(|&at| is_hole(at)).count()
+    } else {
+        0
+    }
 }
 
 /// The ellipsoid below all terrain, from the eye.
