@@ -1,11 +1,15 @@
 //! `glasswing measure`: figures of the terrain, each with how it was obtained.
+#![expect(clippy::print_stderr, reason = "notes beside the output")]
 
 pub mod accuracy;
 pub mod bench;
 pub mod drawn;
+pub mod flight;
+pub mod flights;
 pub mod plot;
-pub mod pop;
+pub mod poses;
 pub mod position;
+pub mod sheet;
 pub mod speed;
 pub mod surface;
 pub mod table;
@@ -51,7 +55,7 @@ pub struct CommonArgs {
     /// Write all figures to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write plots (SVG) into this folder
+    /// Write plots (SVG), and contact sheets of flights (PNG), into this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
     /// How far from the eye the truth reaches: rays are cast through the finest posts within this, kilometres
@@ -76,8 +80,14 @@ pub struct AccuracyArgs {
     /// Random views that are looked at for holes
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     poses: usize,
-    /// Seconds of each flight that is watched for popping
-    #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = parse_positive)]
+    /// Number of the first of them: to look at one again, or to share them out
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    first_pose: usize,
+    /// Measure this part only
+    #[arg(long, value_enum)]
+    only: Option<accuracy::Part>,
+    /// Seconds of each flight that is watched for holes, popping and swimming
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = parse_positive)]
     seconds: f64,
     /// Vertices along a side of a level
     #[arg(long, value_name = "N", value_parser = parse_shape)]
@@ -126,9 +136,12 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
     match command {
         MeasureCommand::Accuracy(args) => {
             let effort = accuracy::Effort {
+                only: args.only,
                 poses: args.poses,
+                first_pose: args.first_pose,
                 seconds: args.seconds.clamp(0.1, 600.0),
                 reach_m: args.common.reach_m(),
+                sheets: args.common.plot.clone(),
             };
             let settings = Settings {
                 target_px: args.target_px,
@@ -136,7 +149,7 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
             };
             measured(
                 &args.common,
-                |gpu, pack, progress| accuracy::run(gpu, pack, settings, effort, progress),
+                |gpu, pack, progress| accuracy::run(gpu, pack, settings, &effort, progress),
                 |value| (table::accuracy(value), plot::accuracy(value)),
             )
         }
@@ -231,7 +244,8 @@ impl Progress {
     /// At its beginning.
     #[must_use]
     fn new() -> Self {
-        let style = ProgressStyle::with_template("{wide_bar} {msg} {pos} of {len}");
+        let style =
+            ProgressStyle::with_template("{wide_bar} {msg} {pos} of {len}, {per_sec}, {eta} left");
         Self {
             bar: ProgressBar::new(0)
                 .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())),
@@ -244,6 +258,11 @@ impl Progress {
         Self {
             bar: ProgressBar::hidden(),
         }
+    }
+
+    /// Says something that stays.
+    pub fn note(&self, what: &str) {
+        self.bar.suspend(|| eprintln!("{what}"));
     }
 
     /// Says what is being done.

@@ -12,7 +12,7 @@
 use crate::app::error::Failure;
 use crate::app::figures::Histogram;
 use crate::app::measure::Progress;
-use crate::app::measure::accuracy::{Scene, measure_scene, scenes};
+use crate::app::measure::accuracy::{Scene, measure_scene, middle, mountains, scenes};
 use crate::app::measure::bench::{Bench, QUOTA};
 use crate::geo::Camera;
 use crate::gl::Gpu;
@@ -171,6 +171,7 @@ impl Planner {
 fn of_source<S: TileSource>(
     gpu: &Rc<Gpu>,
     source: &Arc<S>,
+    middle: (f64, f64),
     settings: Settings,
     effort: Effort,
     label: &str,
@@ -179,7 +180,7 @@ fn of_source<S: TileSource>(
     let mut bench = Bench::new(gpu, source, settings)?;
     let mut planner = Planner::new(source, settings)?;
     let mut rows = Vec::new();
-    for scene in scenes(&mut bench, source.as_ref())? {
+    for scene in scenes(&mut bench, source.as_ref(), middle)? {
         progress.say(&format!(
             "{} vertices, {label}: {}",
             settings.shape.vertices(),
@@ -234,11 +235,15 @@ pub fn run<S: TileSource>(
             ..Settings::from(shape)
         };
         if let Some(pack) = pack {
-            rows.extend(of_source(gpu, pack, settings, effort, "pack", progress)?);
+            let at = middle(pack.info());
+            rows.extend(of_source(
+                gpu, pack, at, settings, effort, "pack", progress,
+            )?);
         } else {
             let planet = Arc::new(Planet::new(Kind::Earth, 1200));
+            let at = mountains(&planet);
             rows.extend(of_source(
-                gpu, &planet, settings, effort, "planet", progress,
+                gpu, &planet, at, settings, effort, "planet", progress,
             )?);
         }
     }
