@@ -4,8 +4,11 @@
 use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TileKey};
-use crate::terrain::pack::{FORMAT, HEADER_BYTES, PackInfo, PostRect, SourceInfo, Tiles};
+use crate::terrain::pack::{
+    FORMAT, HEADER_BYTES, LevelError, LevelErrors, PackInfo, PostRect, SourceInfo, Tiles,
+};
 use crate::terrain::pack_format::{CRC, Entry, Header, partitions, rect_bytes};
+use crate::terrain::partition::Partition;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -95,6 +98,7 @@ pub struct PackWriter {
     scale: Scale,
     end: u64,
     entries: Vec<Entry>,
+    level_errors: LevelErrors,
     finished: bool,
 }
 
@@ -127,6 +131,7 @@ impl PackWriter {
             scale,
             end: HEADER_BYTES as u64,
             entries: Vec::new(),
+            level_errors: LevelErrors::default(),
             finished: false,
         };
         // The header's place; its bytes are known at the end.
@@ -146,6 +151,11 @@ impl PackWriter {
         });
         self.end += tile.stored.len() as u64;
         Ok(())
+    }
+
+    /// States how far a level is from the data.
+    pub(crate) const fn state_error(&mut self, partition: Partition, level: u8, error: LevelError) {
+        self.level_errors.0[partition as usize][level as usize] = Some(error);
     }
 
     /// The tiles written so far that are `wanted`, to be read while more are added.
@@ -232,6 +242,7 @@ impl PackWriter {
             void_posts: statistics.void_posts,
             water_posts: statistics.water_posts,
             bytes,
+            level_errors: self.level_errors,
         }
     }
 }
