@@ -9,6 +9,7 @@ use crate::terrain::pack::{
 };
 use crate::terrain::pack_format::{CRC, Entry, Header, partitions, rect_bytes};
 use crate::terrain::partition::Partition;
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -108,6 +109,16 @@ impl PackWriter {
     /// # Errors
     /// If the temporary file beside it cannot be made.
     pub fn create(target: &Path, grid: Grid, scale: Scale) -> io::Result<Self> {
+        Self::beside(target, "part", grid, scale)
+    }
+
+    /// The same, whose temporary file ends in `ending`: one that is never finished is a place for tiles until it is dropped.
+    pub(crate) fn beside(
+        target: &Path,
+        ending: &str,
+        grid: Grid,
+        scale: Scale,
+    ) -> io::Result<Self> {
         let name = target
             .file_name()
             .ok_or_else(|| io::Error::from(io::ErrorKind::InvalidFilename))?;
@@ -116,7 +127,7 @@ impl PackWriter {
         }
         let mut part_name = std::ffi::OsString::from(".");
         part_name.push(name);
-        part_name.push(format!(".{}.part", std::process::id()));
+        part_name.push(format!(".{}.{ending}", std::process::id()));
         let part = target.with_file_name(part_name);
         let file = OpenOptions::new()
             .read(true)
@@ -156,6 +167,15 @@ impl PackWriter {
     /// States how far a level is from the data.
     pub(crate) const fn state_error(&mut self, partition: Partition, level: u8, error: LevelError) {
         self.level_errors.0[partition as usize][level as usize] = Some(error);
+    }
+
+    /// States the errors of tiles, metres, in place of those they were added with.
+    pub(crate) fn state_tile_errors(&mut self, errors: &BTreeMap<TileKey, f32>) {
+        for entry in &mut self.entries {
+            if let Some(error_m) = errors.get(&entry.key) {
+                entry.max_error_m = *error_m;
+            }
+        }
     }
 
     /// The tiles written so far that are `wanted`, to be read while more are added.
