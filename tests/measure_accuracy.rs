@@ -206,7 +206,8 @@ fn the_documents_have_the_keys_that_stay() {
         reach_m: 3000.0,
         sheets: None,
     };
-    let document = accuracy::run(&gpu, none, shape(63).into(), &effort, &progress).expect("measures");
+    let document =
+        accuracy::run(&gpu, none, shape(63).into(), &effort, &progress).expect("measures");
     for path in [
         "position.px_max",
         "position.m_max",

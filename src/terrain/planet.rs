@@ -7,7 +7,7 @@
 
 use super::codec::{SurfaceKind, Tile};
 use super::grid::{Grid, TILE_SIDE, TileKey};
-use super::pack::{Bounds, PackInfo, PostRect, TileError, TileReader};
+use super::pack::{Bounds, LevelErrors, PackInfo, PostRect, TileError, TileReader};
 use super::partition::Partition;
 use super::surface::TileSource;
 use super::synth_noise::hash;
@@ -97,6 +97,7 @@ impl Planet {
                 void_posts: 0,
                 water_posts: 0,
                 bytes: 0,
+                level_errors: LevelErrors::default(),
             },
         }
     }
