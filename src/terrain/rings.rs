@@ -104,6 +104,8 @@ pub(super) struct Rings {
     by_near: Vec<Far>,
     by_far: Vec<Far>,
     followed: Vec<Followed>,
+    /// The candidates that are drawn: level of the plan, bits of their distance, number.
+    drawn: Vec<(u8, u32, u16)>,
     silhouette: Silhouette,
     /// Counts frames, for taking turns.
     turn: u16,
@@ -120,6 +122,7 @@ impl Rings {
             by_near: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             by_far: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             followed: Vec::with_capacity(LINES_MAX),
+            drawn: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             silhouette: Silhouette::default(),
             turn: 0,
         }
@@ -179,16 +182,15 @@ impl Rings {
         let along = f / (f * f + (w * w + h * h) / 4.0).sqrt();
         plan.blocks.clear();
         plan.triangles = 0;
-        let mut candidates = self.candidates.iter().peekable();
+        self.order();
+        let mut drawn = self.drawn.iter().peekable();
         let coarser = plan.levels.len().saturating_sub(1).max(1);
         for (at, level) in plan.levels.iter_mut().enumerate() {
             let ring = &self.rings[usize::from(level.level)];
             let first = plan.blocks.len();
             let mut all: Option<Span> = None;
-            while let Some(c) = candidates.next_if(|c| usize::from(c.at) == at) {
-                if c.is_hidden {
-                    continue;
-                }
+            while let Some((_, _, c)) = drawn.next_if(|c| usize::from(c.0) == at) {
+                let c = &self.candidates[usize::from(*c)];
                 let block = ring.blocks[usize::from(c.block)];
                 plan.blocks.push(block);
                 plan.triangles += block.triangles();
@@ -206,6 +208,20 @@ impl Rings {
             level.depth = depth(along * span.near_m, span.far_m);
             level.slice = slice(at, coarser);
         }
+    }
+
+    /// Lists what is drawn, level by level, in each the nearest first: what it covers is rejected before it is coloured.
+    fn order(&mut self) {
+        self.drawn.clear();
+        let shown = (0..).zip(&self.candidates).filter(|(_, c)| !c.is_hidden);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "it only says which is nearer"
+        )]
+        let near = |c: &Candidate| (c.span.near_m.max(0.0) as f32).to_bits();
+        self.drawn
+            .extend(shown.map(|(number, c)| (c.at, near(c), number)));
+        self.drawn.sort_unstable();
     }
 
     /// Lists the blocks inside the picture's sides and before the horizon, level by level.
