@@ -49,7 +49,8 @@ fn the_vertex_shader_is_exact_to_a_thousandth_of_a_pixel_at_every_hard_case() {
 fn no_random_view_shows_the_sky_through_the_ground() {
     let (gpu, _screen) = gpu();
     let poses = if support::is_emulated() { 16 } else { 320 };
-    let found = watertight::on_planets(&gpu, shape(127).into(), poses, &mut |_| ()).expect("measures");
+    let found =
+        watertight::on_planets(&gpu, shape(127).into(), poses, &mut |_| ()).expect("measures");
     assert!(found.poses >= poses, "{}", found.poses);
     assert_eq!(found.holes, 0, "{:#?}", found.where_);
 }
@@ -186,7 +187,8 @@ fn the_documents_have_the_keys_that_stay() {
         seconds: 0.1,
         reach_m: 3000.0,
     };
-    let document = accuracy::run(&gpu, none, shape(63).into(), effort, &progress).expect("measures");
+    let document =
+        accuracy::run(&gpu, none, shape(63).into(), effort, &progress).expect("measures");
     for path in [
         "position.px_max",
         "position.m_max",
