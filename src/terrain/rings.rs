@@ -79,6 +79,7 @@ impl Ring {
     fn rise_m(&self, block: u16, height_m: f64) -> f64 {
         self.laid[usize::from(block)].map_or(f64::INFINITY, |laid| {
             let (low_m, high_m) = laid.bound.heights_m();
+            let (low_m, high_m) = (f64::from(low_m), f64::from(high_m));
             (height_m - low_m).abs().max((height_m - high_m).abs())
         })
     }
