@@ -38,6 +38,7 @@ pub mod reach;
 mod rings;
 pub mod scene;
 pub mod silhouette;
+pub mod slices;
 pub mod store;
 pub mod stream;
 pub mod surface;

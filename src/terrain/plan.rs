@@ -3,6 +3,7 @@
 use super::blocks::Block;
 use super::clipmap::{Extent, Morph, Window};
 use super::partition::Partition;
+use super::slices::Slices;
 use super::surface::DamageCounts;
 use super::tables::Entry;
 use crate::limits::LEVELS_MAX;
@@ -10,7 +11,7 @@ use crate::units::Radians;
 use arrayvec::ArrayVec;
 
 /// A level as it is drawn.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct LevelPlan {
     /// Which level.
     pub level: u8,
@@ -24,10 +25,8 @@ pub struct LevelPlan {
     pub has_coarser: bool,
     /// Its blocks: the first in [`Plan::blocks`], and how many.
     pub blocks: (usize, usize),
-    /// Clip z is the first times clip w plus the second.
-    pub depth: (f32, f32),
-    /// Its slice of the depth buffer.
-    pub slice: (f32, f32),
+    /// The same blocks by slices of the depth buffer, nearest first.
+    pub slices: Slices,
 }
 
 impl LevelPlan {

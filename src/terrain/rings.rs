@@ -8,16 +8,14 @@ use super::grid::Grid;
 use super::partition::Partition;
 use super::plan::{LevelPlan, Plan};
 use super::silhouette::{LINES_MAX, Lattice, Silhouette, Tops};
+use super::slices::{self, Core, Cut};
 use super::stream::Streamer;
 use super::tables::HeightCode;
 use crate::geo::Camera;
-use crate::geo::WGS84_A_M;
+use crate::geo::{WGS84_A_M, WGS84_B_M};
 use crate::limits::LEVELS_MAX;
 use glam::DVec3;
 use std::ops::Range;
-
-/// Nothing is drawn nearer to the eye, metres.
-const NEAR_MIN_M: f64 = 0.2;
 
 /// Where the terrain of a scene stands, and its heights.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +25,8 @@ pub(super) struct Ground<'a> {
     pub levels: u8,
     pub heights: HeightCode,
     pub shape: Shape,
+    /// The eye's post position on level 0.
+    pub eye_posts: (f64, f64),
     pub streamer: &'a Streamer,
 }
 
@@ -71,6 +71,17 @@ impl Ring {
             groups: Vec::with_capacity(BLOCKS_MAX),
             useful: vec![[ALL_LINES; 2]; BLOCKS_MAX],
         }
+    }
+}
+
+impl Ring {
+    /// How far a block reaches above or below a height, metres.
+    fn rise_m(&self, block: u16, height_m: f64) -> f64 {
+        self.laid[usize::from(block)].map_or(f64::INFINITY, |laid| {
+            let (low_m, high_m) = laid.bound.heights_m();
+            let (low_m, high_m) = (f64::from(low_m), f64::from(high_m));
+            (height_m - low_m).abs().max((height_m - high_m).abs())
+        })
     }
 }
 
@@ -161,7 +172,7 @@ impl Rings {
         }
     }
 
-    /// Puts the blocks that the camera can see into the plan, and gives each level its slice of depth. No terrain is lower
+    /// Puts the blocks that the camera can see into the plan, and shares out the depths. No terrain is lower
     /// than `height_min_m`. `is_above_ground`: see [`Silhouette::begin`].
     pub(super) fn cut(
         &mut self,
@@ -184,30 +195,21 @@ impl Rings {
         plan.triangles = 0;
         self.order();
         let mut drawn = self.drawn.iter().peekable();
-        let coarser = plan.levels.len().saturating_sub(1).max(1);
+        let eye_m = camera.eye.height_ellipsoid.0;
         for (at, level) in plan.levels.iter_mut().enumerate() {
             let ring = &self.rings[usize::from(level.level)];
+            let mut cut = Cut::of((at == 0).then(|| ground.core(level)));
             let first = plan.blocks.len();
-            let mut all: Option<Span> = None;
             while let Some((_, _, c)) = drawn.next_if(|c| usize::from(c.0) == at) {
                 let c = &self.candidates[usize::from(*c)];
                 let block = ring.blocks[usize::from(c.block)];
-                plan.blocks.push(block);
                 plan.triangles += block.triangles();
-                let so_far = all.unwrap_or(c.span);
-                all = Some(Span {
-                    near_m: so_far.near_m.min(c.span.near_m),
-                    far_m: so_far.far_m.max(c.span.far_m),
-                });
+                cut.push(block, c.span, ring.rise_m(c.block, eye_m), &mut plan.blocks);
             }
+            level.slices = cut.finish(along, first, &mut plan.blocks);
             level.blocks = (first, plan.blocks.len() - first);
-            let span = all.unwrap_or(Span {
-                near_m: 1.0,
-                far_m: 2.0,
-            });
-            level.depth = depth(along * span.near_m, span.far_m);
-            level.slice = slice(at, coarser);
         }
+        slices::share_out(&mut plan.levels);
     }
 
     /// Lists what is drawn, level by level, in each the nearest first: what it covers is rejected before it is coloured.
@@ -339,6 +341,20 @@ impl Rings {
 }
 
 impl Ground<'_> {
+    /// The cells around the eye.
+    fn core(&self, plan: &LevelPlan) -> Core {
+        let scale = f64::from(1_u32 << plan.level);
+        let (x, y) = (self.eye_posts.0 / scale, self.eye_posts.1 / scale);
+        let cell_deg = self.grid.spacing_deg(plan.level);
+        // Cells are narrowest on the side towards the pole, two of them away.
+        let latitude = (y.abs() + 2.0) * cell_deg;
+        Core::around(
+            (x - f64::from(plan.window.i), y - f64::from(plan.window.j)),
+            cell_deg.to_radians() * WGS84_B_M,
+            latitude.to_radians().cos().max(0.0),
+        )
+    }
+
     /// The first and one past the last row of cells that are drawn of a level, from its origin.
     fn rows(&self, plan: &LevelPlan) -> (i32, i32) {
         let cells = plan.cells;
@@ -514,29 +530,4 @@ fn group(blocks: &[Block], first: usize) -> Option<(usize, Block)> {
         ..*start
     };
     Some((end, rect))
-}
-
-/// Clip z = k w + c between a near and a far distance along the optical axis, metres.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "f64 until here: these are the numbers the shader is given"
-)]
-fn depth(near_m: f64, far_m: f64) -> (f32, f32) {
-    let near = near_m.max(NEAR_MIN_M);
-    let far = (far_m * 1.001 + 1.0).max(near * 1.01);
-    (
-        ((far + near) / (far - near)) as f32,
-        (-2.0 * far * near / (far - near)) as f32,
-    )
-}
-
-/// The slice of the depth buffer of the `at`-th level drawn: the nearer half for the first, the rest shared equally.
-#[expect(clippy::cast_precision_loss, reason = "at most ten levels")]
-fn slice(at: usize, coarser: usize) -> (f32, f32) {
-    if at == 0 {
-        return (0.0, 0.5);
-    }
-    let each = 0.5 / coarser as f32;
-    let near = 0.5 + (at - 1) as f32 * each;
-    (near, near + each)
 }

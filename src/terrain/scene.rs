@@ -1,10 +1,7 @@
 //! The terrain of one view in one partition, without a GPU: follows the eye, decides what is resident and what is drawn, and prepares all
 //! numbers that drawing needs. [`crate::gl::terrain`] uploads and draws what a [`Scene`] says.
 //!
-//! Depth: every level draws into a slice of the depth buffer of its own, the finest into the nearer half. A line of sight
-//! leaves each window once (they are nested around the eye), so what is nearer in slices is nearer in space, and each
-//! slice spends its bits on one level's distances. Sides of constant latitude bulge towards the pole against a line of
-//! sight, by 6 cells for a level-5 window at 60 degrees: far below what shows. In a cap they are straighter.
+//! How depths are shared out is told in [`super::slices`].
 
 use super::blocks::BLOCKS_MAX;
 use super::clipmap::{self, Extent, Morph, Shape, Window, torus_texel};
@@ -355,8 +352,7 @@ impl Scene {
                 morph: Morph::new(shape, extent, around, reach),
                 has_coarser: !chain.is_empty(),
                 blocks: (0, 0),
-                depth: (0.0, 0.0),
-                slice: (0.0, 1.0),
+                slices: ArrayVec::new(),
             });
         }
         self.plan.levels.clear();
@@ -449,6 +445,7 @@ impl Scene {
             levels: self.levels,
             heights: self.heights,
             shape: self.settings.shape,
+            eye_posts: self.eye_posts,
             streamer: &self.streamer,
         };
         self.rings.lay(&ground, &self.plan.levels);

@@ -14,6 +14,9 @@
 use super::blocks::Block;
 use super::clipmap::CellRect;
 use super::cull::Span;
+use super::plan::LevelPlan;
+use crate::limits::LEVELS_MAX;
+use arrayvec::ArrayVec;
 
 /// Nothing is drawn nearer to the eye, metres.
 pub const NEAR_MIN_M: f64 = 0.2;
@@ -37,7 +40,7 @@ pub struct Slice {
 }
 
 impl Slice {
-    /// For some blocks, all of them within a span; [`share_out`] gives it its depths.
+    /// For some blocks, all of them between these distances along the optical axis; [`share_out`] gives it its depths.
     #[must_use]
     pub fn new(blocks: (usize, usize), span: Span) -> Self {
         let near_m = span.near_m.max(NEAR_MIN_M);
@@ -76,9 +79,18 @@ impl Slice {
     }
 }
 
-/// Gives slices, nearest first, their depths: shares as the ratios of their planes.
+/// Slices of one level: the finest one's core and rest, or all of a coarser one.
+pub type Slices = ArrayVec<Slice, 2>;
+
+/// Gives the slices of all levels, nearest first, their depths: shares as the ratios of their planes.
+pub fn share_out(levels: &mut [LevelPlan]) {
+    let slices = levels.iter_mut().flat_map(|level| &mut level.slices);
+    share(&mut slices.collect::<ArrayVec<&mut Slice, { LEVELS_MAX + 1 }>>());
+}
+
 #[expect(clippy::cast_possible_truncation, reason = "from 0 to 1")]
-pub fn share_out<'a>(slices: impl Iterator<Item = &'a mut Slice>, ratios: f64) {
+fn share(slices: &mut [&mut Slice]) {
+    let ratios: f64 = slices.iter().map(|slice| slice.ratio()).sum();
     let mut far = 0.0;
     for slice in slices {
         let near = far;
@@ -87,34 +99,40 @@ pub fn share_out<'a>(slices: impl Iterator<Item = &'a mut Slice>, ratios: f64) {
     }
 }
 
-/// What [`share_out`] needs to know of all slices together.
-#[must_use]
-pub fn ratios<'a>(slices: impl Iterator<Item = &'a Slice>) -> f64 {
-    slices.map(Slice::ratio).sum()
+/// The cells around the eye that have a slice of their own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Core {
+    cells: CellRect,
+    /// All cells beside these are at least so far from the eye.
+    clear_m: f64,
+    /// None of these is farther from the eye's vertical.
+    wide_m: f64,
 }
 
-/// The cells around the eye that have a slice of their own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Core(CellRect);
-
 /// Cells of a core, and so the most blocks that it can be drawn as.
-pub const CORE_CELLS: usize = 9;
+const CORE_CELLS: usize = 9;
 
 impl Core {
-    /// Around an eye, in cells from the origin of what is drawn.
+    /// Around an eye, in cells from the origin of what is drawn. `cell_m`: how
+    /// high a cell is, `narrow`: how much narrower it is at least than that.
     #[must_use]
-    pub fn around(x: f64, y: f64) -> Self {
+    pub fn around((x, y): (f64, f64), cell_m: f64, narrow: f64) -> Self {
         #[expect(
             clippy::cast_possible_truncation,
             reason = "a cell of a window or near it"
         )]
         let (x, y) = (x.floor() as i32, y.floor() as i32);
-        Self(CellRect {
-            x0: x - 1,
-            y0: y - 1,
-            x1: x + 2,
-            y1: y + 2,
-        })
+        Self {
+            cells: CellRect {
+                x0: x - 1,
+                y0: y - 1,
+                x1: x + 2,
+                y1: y + 2,
+            },
+            // Heights of -500 m to 20 km and the ellipsoid's shape change a cell by less than a hundredth.
+            clear_m: 0.98 * cell_m * narrow,
+            wide_m: 1.02 * 8_f64.sqrt() * cell_m,
+        }
     }
 
     /// What a block shares with the core, and what is left of it: below, above, to the left and to the right.
@@ -125,8 +143,8 @@ impl Core {
         };
         let [west, east, south, north] =
             [block.west, block.east, block.south, block.north].map(i32::from);
-        let (x0, x1) = (self.0.x0.max(west), self.0.x1.min(east));
-        let (y0, y1) = (self.0.y0.max(south), self.0.y1.min(north));
+        let (x0, x1) = (self.cells.x0.max(west), self.cells.x1.min(east));
+        let (y0, y1) = (self.cells.y0.max(south), self.cells.y1.min(north));
         match of(x0, y0, x1, y1) {
             None => (None, [Some(block), None, None, None]),
             inside => {
@@ -142,13 +160,81 @@ impl Core {
     }
 }
 
+/// A level on its way into slices.
+#[derive(Debug)]
+pub struct Cut {
+    core: Option<Core>,
+    inside: ArrayVec<Block, CORE_CELLS>,
+    inside_span: Option<Span>,
+    rest_span: Option<Span>,
+}
+
+impl Cut {
+    /// With the cells of a core apart, if it is the finest level.
+    #[must_use]
+    pub fn of(core: Option<Core>) -> Self {
+        Self {
+            core,
+            inside: ArrayVec::new(),
+            inside_span: None,
+            rest_span: None,
+        }
+    }
+
+    /// Adds a block that lies within a span, and no more than `rise_m` above or below the eye; what is not the core's goes
+    /// to `out`.
+    pub fn push(&mut self, block: Block, span: Span, rise_m: f64, out: &mut Vec<Block>) {
+        let grow = |to: &mut Option<Span>, span: Span| {
+            let so_far = to.unwrap_or(span);
+            *to = Some(Span {
+                near_m: so_far.near_m.min(span.near_m),
+                far_m: so_far.far_m.max(span.far_m),
+            });
+        };
+        let whole = (None, [Some(block), None, None, None]);
+        let (inside, rest) = self.core.map_or(whole, |core| core.split(block));
+        if let (Some(inside), Some(core)) = (inside, &self.core) {
+            let far_m = span.far_m.min(core.wide_m.hypot(rise_m));
+            grow(&mut self.inside_span, Span { far_m, ..span });
+            self.inside.push(inside);
+        }
+        if rest != [None; 4] {
+            grow(&mut self.rest_span, span);
+            out.extend(rest.into_iter().flatten());
+        }
+    }
+
+    /// The slices of the level, whose blocks begin at the `first` of `out`; the core's are added to them. A distance along a
+    /// ray is at least the share `along` of it along the optical axis.
+    #[must_use]
+    pub fn finish(self, along: f64, first: usize, out: &mut Vec<Block>) -> Slices {
+        let mut slices = Slices::new();
+        let rest = (first, out.len() - first);
+        let slice = |blocks, span: Span| {
+            let near_m = span.near_m * along;
+            Slice::new(blocks, Span { near_m, ..span })
+        };
+        if let Some(span) = self.inside_span {
+            slices.push(slice((out.len(), self.inside.len()), span));
+            out.extend(self.inside);
+        }
+        if let Some(mut span) = self.rest_span {
+            if let Some(core) = self.core {
+                span.near_m = span.near_m.max(core.clear_m);
+            }
+            slices.push(slice(rest, span));
+        }
+        slices
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn a_core_takes_its_cells_out_of_blocks_and_leaves_the_others() {
-        let core = Core::around(4.5, 8.2);
+        let core = Core::around((4.5, 8.2), 90.0, 0.7);
         let mut taken = 0;
         for (x0, y0) in [(0, 0), (9, 0), (0, 9), (4, 8), (30, 30)] {
             let block = Block::of(CellRect {
@@ -160,7 +246,9 @@ mod tests {
             let (inside, rest) = core.split(block);
             let parts = inside.into_iter().chain(rest.into_iter().flatten());
             let mut cells: Vec<(i16, i16)> = parts
-                .flat_map(|b| (b.west..b.east).flat_map(move |x| (b.south..b.north).map(move |y| (x, y))))
+                .flat_map(|b| {
+                    (b.west..b.east).flat_map(move |x| (b.south..b.north).map(move |y| (x, y)))
+                })
                 .collect();
             cells.sort_unstable();
             cells.dedup();
@@ -181,9 +269,12 @@ mod tests {
             Slice::new((1, 1), span(90.0, 30_000.0)),
             Slice::new((2, 1), span(15_000.0, 60_000.0)),
         ];
-        let ratios = ratios(slices.iter());
-        share_out(slices.iter_mut(), ratios);
-        assert!(slices[0].range.0 <= 0.0 && slices[2].range.1 >= 0.999_999, "all is used");
+        let ratios: f64 = slices.iter().map(Slice::ratio).sum();
+        share(&mut slices.each_mut());
+        assert!(
+            slices[0].range.0 <= 0.0 && slices[2].range.1 >= 0.999_999,
+            "all is used"
+        );
         for pair in slices.windows(2) {
             assert!(pair[0].range.1 <= pair[1].range.0, "{pair:?}");
         }
