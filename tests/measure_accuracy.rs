@@ -53,7 +53,7 @@ fn no_random_view_shows_the_sky_through_the_ground() {
     let poses = if support::is_emulated() { 16 } else { 320 };
     let search = Search {
         gpu: &gpu,
-        shape: shape(127),
+        settings: shape(127).into(),
         numbers: 0..poses,
     };
     let none: Option<&Arc<Pack>> = None;
@@ -207,7 +207,8 @@ fn the_documents_have_the_keys_that_stay() {
         views: Vec::new(),
         sheets: None,
     };
-    let document = accuracy::run(&gpu, none, shape(63), &effort, &progress).expect("measures");
+    let document =
+        accuracy::run(&gpu, none, shape(63).into(), &effort, &progress).expect("measures");
     for path in [
         "position.px_max",
         "position.m_max",
@@ -231,7 +232,7 @@ fn the_documents_have_the_keys_that_stay() {
         reach_m: 3000.0,
         views: Vec::new(),
     };
-    let document = speed::run(&gpu, none, &[shape(63)], &effort, &progress).expect("measures");
+    let document = speed::run(&gpu, none, &[shape(63)], 0.2, &effort, &progress).expect("measures");
     for key in [
         "frame_ms.p50",
         "frame_ms.p95",

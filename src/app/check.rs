@@ -1,9 +1,9 @@
 //! `glasswing check`: everything that is wrong with a board file and its devices, in one go.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
 use crate::app::board::{Board, Endpoint, SourceWish};
 use crate::app::cockpit;
 use crate::app::error::Failure;
+use crate::app::out::say;
 use crate::app::sources;
 use crate::signal::SourceId;
 use std::path::PathBuf;
@@ -26,14 +26,14 @@ pub struct CheckArgs {
 /// Everything that is wrong: keys first; where those are good, terrain, sources and the screen.
 pub fn run(args: CheckArgs) -> Result<(), Vec<Failure>> {
     let board = Board::load(&args.board)?;
-    println!("{}: every key is good", args.board.display());
+    say!("{}: every key is good", args.board.display());
     let mut failures = Vec::new();
     let mut told = |what: String, outcome: Result<String, Failure>| match outcome {
-        Ok(good) => println!("{what}: {good}"),
+        Ok(good) => say!("{what}: {good}"),
         Err(failure) => failures.push(failure),
     };
     match &board.terrain.pack {
-        None => println!("terrain: none (no pack in the board file)"),
+        None => say!("terrain: none (no pack in the board file)"),
         Some(pack) => told(
             "terrain".into(),
             cockpit::open_pack(pack).map(|p| {
@@ -47,7 +47,7 @@ pub fn run(args: CheckArgs) -> Result<(), Vec<Failure>> {
         ),
     }
     if board.sources.is_empty() {
-        println!("sources: none (the board file names none; nothing but flags will be shown)");
+        say!("sources: none (the board file names none; nothing but flags will be shown)");
     }
     for source in &board.sources {
         told(format!("source {}", source.name), try_source(source));

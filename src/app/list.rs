@@ -4,12 +4,11 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Failure, Kind};
+use super::{Failure, Kind, out};
 use crate::gl::Gpu;
 use crate::screen::{self, Screen, ScreenError};
 
@@ -114,26 +113,14 @@ pub fn run(args: ListArgs) -> Result<(), Failure> {
         input: input_devices(),
         gl: renderers(),
     };
-    let unwritable = |e: io::Error| {
-        Failure::new(
-            Kind::Other,
-            "standard output",
-            e,
-            "send it to a file or a terminal",
-        )
-    };
     let text = if args.json {
-        let json = serde_json::to_string_pretty(&inventory)
-            .map_err(|e| unwritable(io::Error::other(e)))?;
-        json + "\n"
+        let json = serde_json::to_string_pretty(&inventory);
+        json.map_err(|e| Failure::new(Kind::Other, "the list", e, "leave out --json"))? + "\n"
     } else {
         in_words(&inventory)
     };
-    match io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever read it has seen enough.
-        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.map_err(unwritable),
-    }
+    out::write(format_args!("{text}"));
+    Ok(())
 }
 
 #[cfg(feature = "kms")]

@@ -17,6 +17,7 @@ pub mod instruments;
 pub mod intake;
 pub mod list;
 pub mod measure;
+pub mod out;
 pub mod picture;
 pub mod run;
 pub mod shot;

@@ -425,8 +425,7 @@ impl TerrainRenderer {
         level: &LevelPlan,
     ) {
         let gl = self.gpu.gl();
-        let shape = scene.settings().shape;
-        let texels = shape.texels();
+        let texels = scene.settings().shape.texels();
         let at = usize::from(level.level);
         let coarser = if level.has_coarser { at + 1 } else { at };
         textures.bind_surface(coarser, COARSER);
@@ -453,7 +452,7 @@ impl TerrainRenderer {
                 signed(own[0]),
                 signed(own[1]),
                 2 * i32::from(level.level),
-                shape.cells(),
+                level.cells,
             );
             gl.uniform_4_f32(
                 Some(&shader.morph),
@@ -483,7 +482,7 @@ const _: () = assert!(
 );
 
 /// How much later than planned a blend begins and ends: so little that nobody sees it, and more than what rounding in f32
-/// can add to zero. It ends a whole post before the window does, where it is therefore still complete.
+/// can add to zero. It ends a whole post before what is drawn does, where it is therefore still complete.
 const BLEND_SLACK: f64 = 1e-5;
 
 /// A size of ours as GL takes it: at most a few thousand.

@@ -1,7 +1,7 @@
 //! What a [`super::scene::Scene`] hands to whoever draws a frame: its plan, and figures of it.
 
 use super::blocks::Block;
-use super::clipmap::{Morph, Window};
+use super::clipmap::{Extent, Morph, Window};
 use super::partition::Partition;
 use super::surface::DamageCounts;
 use super::tables::Entry;
@@ -14,8 +14,10 @@ use arrayvec::ArrayVec;
 pub struct LevelPlan {
     /// Which level.
     pub level: u8,
-    /// Where its window stands.
+    /// What is drawn of it begins at this post, the origin of its blocks; its resident window may begin before that.
     pub window: Window,
+    /// Cells a side of what is drawn of it.
+    pub cells: i32,
     /// How it blends into the next.
     pub morph: Morph,
     /// Whether the next coarser level is drawn too.
@@ -28,6 +30,17 @@ pub struct LevelPlan {
     pub slice: (f32, f32),
 }
 
+impl LevelPlan {
+    /// What is drawn of it.
+    #[must_use]
+    pub const fn extent(&self) -> Extent {
+        Extent {
+            window: self.window,
+            cells: self.cells,
+        }
+    }
+}
+
 /// All that drawing a frame needs. Positions are metres, Earth-centred axes, counted from the eye.
 #[derive(Debug)]
 pub struct Plan {
@@ -35,7 +48,8 @@ pub struct Plan {
     pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
     /// Their blocks.
     pub blocks: Vec<Block>,
-    /// Two rows of as many entries as a torus has texels for each level of the pack: columns, then rows.
+    /// Two rows of as many entries as a torus has texels for each level of the pack: columns, then rows. A post's entry is
+    /// where its texel is.
     pub tables: Vec<Entry>,
     /// Changes when `tables` does.
     pub tables_version: u32,
@@ -64,7 +78,7 @@ pub struct FrameFigures {
     pub partition: Option<Partition>,
     /// Finest and coarsest level drawn.
     pub levels: Option<(u8, u8)>,
-    /// Finest and coarsest level wanted.
+    /// Finest and coarsest level wanted for drawing.
     pub levels_wanted: (u8, u8),
     /// Terrain texels uploaded.
     pub uploads_texels: usize,

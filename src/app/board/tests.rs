@@ -90,6 +90,14 @@ const SLIPS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "[terrain]\ntarget_px = 0",
+        &["terrain.target_px: 0 is out of range", "0.05 to 4"],
+    ),
+    (
+        "[terrain]\ntarget_px = \"fine\"",
+        &["terrain.target_px: is a text, not a number"],
+    ),
+    (
         "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"",
         &["source[0]: has no endpoint"],
     ),

@@ -8,10 +8,10 @@ use crate::app::measure::surface::{self, Spread, Surface};
 use crate::app::measure::{Progress, position};
 use crate::geo::Camera;
 use crate::gl::Gpu;
-use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::PackInfo;
 use crate::terrain::partition::Partition;
 use crate::terrain::planet::{Kind, Planet};
+use crate::terrain::scene::Settings;
 use crate::terrain::surface::{Damage, Sampler, TileSource};
 use crate::terrain::tables::HeightCode;
 use crate::terrain::truth::Field;
@@ -238,13 +238,13 @@ fn of_source<S: TileSource>(
 fn look_for_holes<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
-    shape: Shape,
+    settings: Settings,
     effort: &Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let search = Search {
         gpu,
-        shape,
+        settings,
         numbers: effort.first_pose..effort.first_pose.saturating_add(effort.poses),
     };
     let mut holes = 0;
@@ -270,13 +270,17 @@ fn worst(spreads: impl Iterator<Item = Spread>) -> Spread {
 pub fn run<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
-    shape: Shape,
+    settings: Settings,
     effort: &Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-    let mut document = json!({"vertices": shape.vertices(), "gpu": gpu.caps().renderer});
-    let mut bench = Bench::new(gpu, &planet, shape)?;
+    let mut document = json!({
+        "vertices": settings.shape.vertices(),
+        "target_px": settings.target_px,
+        "gpu": gpu.caps().renderer,
+    });
+    let mut bench = Bench::new(gpu, &planet, settings)?;
     if effort.does(Part::Positions) {
         let (cases, levels) =
             position::all_cases(&mut bench, &mut |at, of| progress.at("positions", at, of))?;
@@ -297,7 +301,7 @@ pub fn run<S: TileSource>(
     let mut sources = Vec::new();
     if let Some(pack) = pack {
         drop(bench);
-        let mut bench = Bench::new(gpu, pack, shape)?;
+        let mut bench = Bench::new(gpu, pack, settings)?;
         if effort.does(Part::Scenes) {
             let (pack, at) = (pack.as_ref(), middle(pack.info()));
             sources.push(of_source(&mut bench, pack, at, effort, "pack", progress)?);
@@ -326,7 +330,7 @@ pub fn run<S: TileSource>(
         scenes_report(&mut document, &sources);
     }
     if effort.does(Part::Holes) {
-        document["watertight"] = look_for_holes(gpu, pack, shape, effort, progress)?;
+        document["watertight"] = look_for_holes(gpu, pack, settings, effort, progress)?;
     }
     Ok(document)
 }

@@ -57,25 +57,22 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// For a source, with so many vertices along a side of a level.
+    /// For a source, drawn by these settings, or with so many vertices along a side of a level.
     ///
     /// # Errors
     /// With what the GPU or the system refuses.
     pub fn new<S: TileSource>(
         gpu: &Rc<Gpu>,
         source: &Arc<S>,
-        shape: Shape,
+        settings: impl Into<Settings>,
     ) -> Result<Self, Failure> {
-        let settings = Settings {
-            shape,
-            ..Settings::default()
-        };
+        let settings = settings.into();
         let terrain =
             TerrainRenderer::new(gpu, settings, Arc::clone(source)).map_err(|e| refused(&e))?;
         Ok(Self {
             gpu: Rc::clone(gpu),
             terrain,
-            shape,
+            shape: settings.shape,
             recorder: None,
             targets: Vec::new(),
         })

@@ -1,9 +1,5 @@
 //! `glasswing measure`: figures of the terrain, each with how it was obtained.
-#![expect(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "the command's output, and its notes"
-)]
+#![expect(clippy::print_stderr, reason = "the command's notes")]
 
 pub mod accuracy;
 pub mod bench;
@@ -21,12 +17,14 @@ pub mod watertight;
 
 use crate::app::cockpit;
 use crate::app::error::{Failure, Kind};
+use crate::app::out;
 use crate::app::picture::Size;
 use crate::app::shot::{self, Backend};
 use crate::geo::Camera;
 use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
+use crate::terrain::scene::{self, Settings};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -99,6 +97,9 @@ pub struct AccuracyArgs {
     /// Vertices along a side of a level
     #[arg(long, value_name = "N", value_parser = parse_shape)]
     vertices: Option<Shape>,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
 }
 
 /// Arguments of `measure speed`.
@@ -112,6 +113,9 @@ pub struct SpeedArgs {
     /// Vertices along a side of a level; may be given several times
     #[arg(long, value_name = "N", value_parser = parse_shape)]
     vertices: Vec<Shape>,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {
@@ -166,10 +170,13 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                 views: args.common.view.clone(),
                 sheets: args.common.plot.clone(),
             };
-            let shape = args.vertices.unwrap_or(Shape::DEFAULT);
+            let settings = Settings {
+                target_px: args.target_px,
+                ..args.vertices.unwrap_or(Shape::DEFAULT).into()
+            };
             measured(
                 &args.common,
-                |gpu, pack, progress| accuracy::run(gpu, pack, shape, &effort, progress),
+                |gpu, pack, progress| accuracy::run(gpu, pack, settings, &effort, progress),
                 |value| (table::accuracy(value), plot::accuracy(value)),
             )
         }
@@ -181,7 +188,7 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                     reach_m: args.common.reach_m(),
                     views: args.common.view.clone(),
                 };
-                speed::run(gpu, pack, &args.vertices, &effort, progress)
+                speed::run(gpu, pack, &args.vertices, args.target_px, &effort, progress)
             },
             |value| (table::speed(value), plot::speed(value)),
         ),
@@ -221,7 +228,7 @@ fn measured(
         .map_or(Value::Null, |p| p.display().to_string().into());
     value["optimised"] = (!cfg!(debug_assertions)).into();
     let (text, plots) = show(&value);
-    print!("{text}");
+    out::write(format_args!("{text}"));
     if let Some(path) = &args.json {
         write(path, &format!("{value:#}\n"))?;
     }

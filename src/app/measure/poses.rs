@@ -14,7 +14,7 @@ use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::PackInfo;
 use crate::terrain::planet::{Kind, Planet};
-use crate::terrain::scene::FrameFigures;
+use crate::terrain::scene::{FrameFigures, Settings};
 use crate::terrain::surface::TileSource;
 use serde_json::{Value, json};
 use std::ops::Range;
@@ -123,8 +123,8 @@ impl Found {
 pub struct Search<'a> {
     /// The GPU.
     pub gpu: &'a Rc<Gpu>,
-    /// Vertices along a side of a level, of the first lot.
-    pub shape: Shape,
+    /// How they are drawn; vertices along a side of a level are those of the first lot.
+    pub settings: Settings,
     /// Numbers of the views. From 0 on, the hard cases come with them.
     pub numbers: Range<usize>,
 }
@@ -142,7 +142,7 @@ impl Search<'_> {
         let mut found = Found::default();
         if self.numbers.start == 0 {
             let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-            let mut bench = Bench::new(self.gpu, &planet, self.shape)?;
+            let mut bench = Bench::new(self.gpu, &planet, self.settings)?;
             hard(&mut bench, planet.info().height_min_m, &mut found)?;
         }
         for (lot, &(kind, posts_per_degree, vertices)) in LOTS.iter().enumerate() {
@@ -153,12 +153,15 @@ impl Search<'_> {
             if places.peek().is_none() {
                 continue;
             }
-            let shape = Shape::new(vertices).unwrap_or(self.shape);
+            let settings = Settings {
+                shape: Shape::new(vertices).unwrap_or(self.settings.shape),
+                ..self.settings
+            };
             match pack {
-                Some(pack) if lot == 0 => self.look(pack, shape, places, &mut found, done)?,
+                Some(pack) if lot == 0 => self.look(pack, settings, places, &mut found, done)?,
                 _ => {
                     let planet = Arc::new(Planet::new(kind, posts_per_degree));
-                    self.look(&planet, shape, places, &mut found, done)?;
+                    self.look(&planet, settings, places, &mut found, done)?;
                 }
             }
         }
@@ -169,13 +172,13 @@ impl Search<'_> {
     fn look<S: TileSource>(
         &self,
         source: &Arc<S>,
-        shape: Shape,
+        settings: Settings,
         places: impl Iterator<Item = usize>,
         found: &mut Found,
         done: &mut dyn FnMut(&Found),
     ) -> Result<(), Failure> {
         let info = source.info();
-        let mut bench = Bench::new(self.gpu, source, shape)?;
+        let mut bench = Bench::new(self.gpu, source, settings)?;
         for place in places {
             let near = place_of(place, info);
             if place % 4 == 0 {

@@ -137,11 +137,7 @@ impl Sink for Nowhere {
 }
 
 impl Planner {
-    fn new<S: TileSource>(source: &Arc<S>, shape: Shape) -> Result<Self, Failure> {
-        let settings = Settings {
-            shape,
-            ..Settings::default()
-        };
+    fn new<S: TileSource>(source: &Arc<S>, settings: Settings) -> Result<Self, Failure> {
         let world = World::new(source, settings).map_err(Failure::no_thread)?;
         let nowhere = vec![Nowhere; world.scenes().len()];
         Ok(Self { world, nowhere })
@@ -173,29 +169,30 @@ impl Planner {
     }
 }
 
-/// Measures a source at one size of level: a row for each scene, still and moving.
+/// Measures a source by some settings: a row for each scene, still and moving.
 fn of_source<S: TileSource>(
     gpu: &Rc<Gpu>,
     source: &Arc<S>,
     middle: (f64, f64),
-    shape: Shape,
+    settings: Settings,
     effort: &Effort,
     label: &str,
     progress: &Progress,
 ) -> Result<Vec<Value>, Failure> {
-    let mut bench = Bench::new(gpu, source, shape)?;
-    let mut planner = Planner::new(source, shape)?;
+    let mut bench = Bench::new(gpu, source, settings)?;
+    let mut planner = Planner::new(source, settings)?;
     let mut rows = Vec::new();
     for scene in scenes(&mut bench, source.as_ref(), middle, &effort.views)? {
         progress.say(&format!(
             "{} vertices, {label}: {}",
-            shape.vertices(),
+            settings.shape.vertices(),
             scene.name
         ));
         let (surface, _, _) = measure_scene(&mut bench, source.as_ref(), &scene, effort.reach_m)?;
         let mut row = surface.report();
         row["name"] = json!(format!("{label}: {}", scene.name));
-        row["vertices"] = json!(shape.vertices());
+        row["vertices"] = json!(settings.shape.vertices());
+        row["target_px"] = json!(settings.target_px);
         for (key, moving) in [("still", false), ("moving", true)] {
             let run = draw(&mut bench, &mut planner, &scene, effort.frames, moving)?;
             let part = json!({
@@ -226,6 +223,7 @@ pub fn run<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
     shapes: &[Shape],
+    target_px: f64,
     effort: &Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
@@ -234,14 +232,20 @@ pub fn run<S: TileSource>(
     let mut rows = Vec::new();
     for (at, &shape) in shapes.iter().enumerate() {
         progress.at("sizes of level", at, shapes.len());
+        let settings = Settings {
+            target_px,
+            ..Settings::from(shape)
+        };
         if let Some(pack) = pack {
             let at = middle(pack.info());
-            rows.extend(of_source(gpu, pack, at, shape, effort, "pack", progress)?);
+            rows.extend(of_source(
+                gpu, pack, at, settings, effort, "pack", progress,
+            )?);
         } else {
             let planet = Arc::new(Planet::new(Kind::Earth, 1200));
             let at = mountains(&planet);
             rows.extend(of_source(
-                gpu, &planet, at, shape, effort, "planet", progress,
+                gpu, &planet, at, settings, effort, "planet", progress,
             )?);
         }
     }
