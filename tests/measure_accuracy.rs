@@ -204,6 +204,7 @@ fn the_documents_have_the_keys_that_stay() {
         first_pose: 0,
         seconds: 0.1,
         reach_m: 3000.0,
+        views: Vec::new(),
         sheets: None,
     };
     let document =
@@ -229,8 +230,9 @@ fn the_documents_have_the_keys_that_stay() {
     let effort = speed::Effort {
         frames: 2,
         reach_m: 3000.0,
+        views: Vec::new(),
     };
-    let document = speed::run(&gpu, none, &[shape(63)], 0.2, effort, &progress).expect("measures");
+    let document = speed::run(&gpu, none, &[shape(63)], 0.2, &effort, &progress).expect("measures");
     for key in [
         "frame_ms.p50",
         "frame_ms.p95",

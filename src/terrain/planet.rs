@@ -156,18 +156,18 @@ const MEAN_RADIUS_M: f64 = 6_371_008.8;
 /// Wavelength of the first octave, metres, and its amplitude, metres.
 const FIRST_OCTAVE: (f64, f64) = (120_000.0, 3600.0);
 /// Octaves; each has half the wavelength and 0.52 of the amplitude of the one before: the last has 470 m and 20 m.
-const OCTAVES: u64 = 9;
+const OCTAVES: usize = 9;
 /// Highest ground of the noise, metres.
 const NOISE_MAX_M: f64 = 6500.0;
 
 /// The corners that noise was last blended from, for each octave and the voids: neighbouring posts mostly share them.
-type Held = [Lattice; OCTAVES as usize + 1];
+type Held = [Lattice; OCTAVES + 1];
 
 fn earth(n: DVec3, held: &mut Held) -> (f64, SurfaceKind) {
     let [octaves @ .., voids] = held;
     let mut height = -500.0;
     let (mut wavelength, mut amplitude) = FIRST_OCTAVE;
-    for (octave, held) in (0..OCTAVES).zip(octaves) {
+    for (octave, held) in (0_u64..).zip(octaves) {
         height += amplitude * held.noise(n * (MEAN_RADIUS_M / wavelength), octave);
         wavelength *= 0.5;
         amplitude *= 0.52;

@@ -58,6 +58,8 @@ pub struct Effort {
     pub seconds: f64,
     /// How far from the eye rays are cast, metres.
     pub reach_m: f64,
+    /// Views that are measured besides.
+    pub views: Vec<Camera>,
     /// Folder for contact sheets of the flights.
     pub sheets: Option<PathBuf>,
 }
@@ -78,7 +80,7 @@ pub struct Scene {
 }
 
 /// The views that a source is measured in: the benchmark view where there is ground for it, and a place, degrees
-/// north and east, from 100 m, 3 km and 12 km above the ground.
+/// north and east, from 100 m, 3 km and 12 km above the ground; and `views`.
 ///
 /// # Errors
 /// When the ground under them does not become resident.
@@ -86,6 +88,7 @@ pub fn scenes<S: TileSource>(
     bench: &mut Bench,
     source: &S,
     middle: (f64, f64),
+    views: &[Camera],
 ) -> Result<Vec<Scene>, Failure> {
     let b = source.info().bounds;
     let inside = |lat: f64, lon: f64| {
@@ -107,6 +110,16 @@ pub fn scenes<S: TileSource>(
     over("12 km above the ground", middle, 12_000.0, -12.0)?;
     if whole {
         over("300 m above the north pole", (90.0, 0.0), 300.0, -4.0)?;
+    }
+    for view in views {
+        let eye = view.eye;
+        let (lat, lon) = (eye.latitude.to_degrees(), eye.longitude.to_degrees());
+        let heading = view.attitude.heading_true.to_degrees();
+        let name = format!(
+            "{lat:.4}, {lon:.4}, {:.0} m, heading {heading:.0}",
+            eye.height_ellipsoid.0
+        );
+        scenes.push((name, *view));
     }
     Ok(scenes
         .into_iter()
@@ -203,7 +216,7 @@ fn of_source<S: TileSource>(
         scenes: Vec::new(),
         normal_deg: Spread::default(),
     };
-    let scenes = scenes(bench, source, middle)?;
+    let scenes = scenes(bench, source, middle, &effort.views)?;
     for scene in &scenes {
         progress.say(&format!("{label}: {}", scene.name));
         let (surface, field, triangles) = measure_scene(bench, source, scene, effort.reach_m)?;
@@ -262,7 +275,11 @@ pub fn run<S: TileSource>(
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-    let mut document = json!({"vertices": settings.shape.vertices(), "target_px": settings.target_px, "gpu": gpu.caps().renderer});
+    let mut document = json!({
+        "vertices": settings.shape.vertices(),
+        "target_px": settings.target_px,
+        "gpu": gpu.caps().renderer,
+    });
     let mut bench = Bench::new(gpu, &planet, settings)?;
     if effort.does(Part::Positions) {
         let (cases, levels) =
@@ -324,7 +341,8 @@ fn scenes_report(document: &mut Value, sources: &[OfSource]) {
     document["scenes"] = sources.iter().flat_map(|s| s.scenes.clone()).collect();
     document["scenes_how"] = json!(
         "surf_px: height of the point drawn at each pixel less that of the bilinear surface of the finest \
-         posts at its place, times focal length over distance; nearer than three posts apart (surf_near_px); \
+         posts at its place, times focal length over distance; ground nearer than eight posts apart: near_px the same there, \
+         near_finest_px there against the triangles of the finest posts, surf_finest_px so for all pixels; \
          range, skyline and summits against rays cast in f64 through the same surface"
     );
     document["normal_deg"] = json!({

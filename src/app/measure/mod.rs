@@ -1,5 +1,5 @@
 //! `glasswing measure`: figures of the terrain, each with how it was obtained.
-#![expect(clippy::print_stderr, reason = "notes beside the output")]
+#![expect(clippy::print_stderr, reason = "the command's notes")]
 
 pub mod accuracy;
 pub mod bench;
@@ -20,6 +20,7 @@ use crate::app::error::{Failure, Kind};
 use crate::app::out;
 use crate::app::picture::Size;
 use crate::app::shot::{self, Backend};
+use crate::geo::Camera;
 use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
@@ -58,6 +59,10 @@ pub struct CommonArgs {
     /// Write plots (SVG), and contact sheets of flights (PNG), into this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+    /// Measure this view too: degrees north and east, metres above the ellipsoid, heading and pitch in degrees; 1024x600
+    /// pixels, 60 degrees across. May be given several times
+    #[arg(long, value_name = "LAT,LON,HEIGHT,HEADING,PITCH", value_parser = parse_view, allow_hyphen_values = true)]
+    view: Vec<Camera>,
     /// How far from the eye the truth reaches: rays are cast through the finest posts within this, kilometres
     #[arg(long, value_name = "KM", default_value_t = 130.0, value_parser = parse_positive)]
     reach: f64,
@@ -121,6 +126,27 @@ fn parse_positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "a number above 0 is needed".to_owned())
 }
 
+fn parse_view(text: &str) -> Result<Camera, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|v| v.trim().parse().ok())
+        .collect();
+    let camera = match numbers[..] {
+        [lat, lon, height_m, heading, pitch] if text.split(',').count() == 5 => {
+            Some(bench::camera(
+                (lat, lon, height_m),
+                (heading, pitch, 0.0),
+                60.0,
+                (1024, 600),
+            ))
+        }
+        _ => None,
+    };
+    camera.filter(Camera::is_valid).ok_or_else(|| {
+        "five numbers with commas between them are needed, as in 46.3,8.3,2600,120,-4".to_owned()
+    })
+}
+
 fn parse_shape(text: &str) -> Result<Shape, String> {
     let shape = text.parse().ok().and_then(Shape::new);
     shape.ok_or_else(|| {
@@ -141,6 +167,7 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                 first_pose: args.first_pose,
                 seconds: args.seconds.clamp(0.1, 600.0),
                 reach_m: args.common.reach_m(),
+                views: args.common.view.clone(),
                 sheets: args.common.plot.clone(),
             };
             let settings = Settings {
@@ -159,8 +186,9 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                 let effort = speed::Effort {
                     frames: args.frames.max(2),
                     reach_m: args.common.reach_m(),
+                    views: args.common.view.clone(),
                 };
-                speed::run(gpu, pack, &args.vertices, args.target_px, effort, progress)
+                speed::run(gpu, pack, &args.vertices, args.target_px, &effort, progress)
             },
             |value| (table::speed(value), plot::speed(value)),
         ),

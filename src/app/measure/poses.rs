@@ -123,7 +123,7 @@ impl Found {
 pub struct Search<'a> {
     /// The GPU.
     pub gpu: &'a Rc<Gpu>,
-    /// The target pixel error, and the vertices along a side of a level where a lot has no number of its own.
+    /// How they are drawn; vertices along a side of a level are those of the first lot.
     pub settings: Settings,
     /// Numbers of the views. From 0 on, the hard cases come with them.
     pub numbers: Range<usize>,

@@ -37,12 +37,14 @@ pub const VERTICES: [u32; 5] = [63, 127, 191, 255, 383];
 const SPEED_MPS: f64 = 100.0;
 
 /// How much is measured.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Effort {
     /// Frames of each run.
     pub frames: u32,
     /// How far from the eye rays are cast, metres.
     pub reach_m: f64,
+    /// Views that are measured besides.
+    pub views: Vec<Camera>,
 }
 
 /// CPU time of the process or the thread.
@@ -173,14 +175,14 @@ fn of_source<S: TileSource>(
     source: &Arc<S>,
     middle: (f64, f64),
     settings: Settings,
-    effort: Effort,
+    effort: &Effort,
     label: &str,
     progress: &Progress,
 ) -> Result<Vec<Value>, Failure> {
     let mut bench = Bench::new(gpu, source, settings)?;
     let mut planner = Planner::new(source, settings)?;
     let mut rows = Vec::new();
-    for scene in scenes(&mut bench, source.as_ref(), middle)? {
+    for scene in scenes(&mut bench, source.as_ref(), middle, &effort.views)? {
         progress.say(&format!(
             "{} vertices, {label}: {}",
             settings.shape.vertices(),
@@ -222,7 +224,7 @@ pub fn run<S: TileSource>(
     pack: Option<&Arc<S>>,
     shapes: &[Shape],
     target_px: f64,
-    effort: Effort,
+    effort: &Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let usual: Vec<Shape> = VERTICES.into_iter().filter_map(Shape::new).collect();

@@ -108,21 +108,24 @@ fn flights(out: &mut String, value: &Value) {
 fn surfaces(out: &mut String, scenes: &[Value]) {
     let _ = writeln!(
         out,
-        "  {:38} triangles surf px rms    p99    max  skyline mean    max  mismatch  summit low m     px",
+        "  {:46} triangles surf px rms    p99    max  near max  ag. triangles  skyline mean    max  mismatch  summits  low m     px",
         ""
     );
     for s in scenes {
         let _ = writeln!(
             out,
-            "  {:38} {:9} {:11.3} {:6.2} {:6.2} {:13.3} {:6.1} {:9} {:13.1} {:6.2}",
+            "  {:46} {:9} {:11.3} {:6.2} {:6.2} {:9.2} {:14.2} {:13.3} {:6.1} {:9} {:8} {:6.1} {:6.2}",
             text(s, "name"),
             number(s, &["triangles"]),
             number(s, &["surf_px", "rms"]),
             number(s, &["surf_px", "p99"]),
             number(s, &["surf_px", "max"]),
+            number(s, &["near_px", "max"]),
+            number(s, &["near_finest_px", "max"]),
             number(s, &["skyline_px", "mean"]),
             number(s, &["skyline_px", "max"]),
             number(s, &["mismatch_pixels"]),
+            number(s, &["summits", "count"]),
             number(s, &["summits", "low_m_max"]),
             number(s, &["summits", "low_px_max"]),
         );
