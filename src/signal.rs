@@ -29,6 +29,8 @@ pub enum Wire<'a> {
     Can(CanData),
     /// One UDP datagram.
     Datagram(&'a [u8]),
+    /// A piece of a byte stream, cut anywhere: what a serial port had to give.
+    Stream(&'a [u8]),
 }
 
 /// A CAN 2.0 data frame.

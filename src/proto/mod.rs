@@ -124,6 +124,17 @@ pub trait Decoder: Send {
     fn counters(&self) -> &Counters;
 }
 
+/// How a protocol travels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Carriage {
+    /// CAN frames.
+    Can,
+    /// UDP datagrams that are whole packets.
+    Packets,
+    /// A byte stream with frames in it: over a serial line, or in UDP datagrams.
+    Stream,
+}
+
 /// The protocols that this program decodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Protocol {
@@ -158,6 +169,15 @@ impl Protocol {
         match self {
             Self::FgFdm => Box::new(fgfdm::FgFdm::new()),
             Self::CanAerospace => Box::new(canaerospace::CanAerospace::new()),
+        }
+    }
+
+    /// How it travels.
+    #[must_use]
+    pub const fn carriage(self) -> Carriage {
+        match self {
+            Self::FgFdm => Carriage::Packets,
+            Self::CanAerospace => Carriage::Can,
         }
     }
 
