@@ -25,7 +25,7 @@ use std::time::Duration;
 const WAIT: Duration = Duration::from_millis(50);
 
 /// Kinds of bad frames that a decoder may tell apart.
-pub const BAD_KINDS: usize = 8;
+pub const BAD_KINDS: usize = 12;
 
 /// Running totals of a decoder: every frame is good, bad or ignored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -10,7 +10,7 @@ use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;
 use crate::gl::look::Palette;
 use crate::limits::SOURCES_MAX;
-use crate::proto::Protocol;
+use crate::proto::{Carriage, Protocol};
 use crate::screen::{self, ModeWish, Wishes};
 use crate::units::{Knots, Radians};
 use reader::{Problem, Reader};
@@ -411,14 +411,12 @@ fn read_endpoint(
             return None;
         }
     };
-    let fits = matches!(
-        (protocol, &endpoint),
-        (None, _)
-            | (Some(Protocol::FgFdm), Endpoint::Udp { .. })
-            | (Some(Protocol::CanAerospace), Endpoint::Can { .. })
-    );
+    let fits = protocol.is_none_or(|protocol| {
+        let over_can = protocol.carriage() == Carriage::Can;
+        over_can == matches!(endpoint, Endpoint::Can { .. })
+    });
     if !fits {
-        let todo = "fgfdm comes over udp, canaerospace over can";
+        let todo = "can-fix and canaerospace come over can, the others over udp";
         problems.push(Problem::new(
             &r.path("protocol"),
             "does not come over that bus",
