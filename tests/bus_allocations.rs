@@ -22,13 +22,13 @@ fn watched(protocol: Protocol) -> (Decode, Arc<[AtomicU64; 2]>) {
     let noted = Arc::clone(&notes);
     let mut decoder = protocol.decoder();
     let decode: Decode = Box::new(move |frame, sink| {
-        decoder.push(frame, sink);
+        decoder.push(frame, &mut |signal| sink(signal));
         let c = decoder.counters();
         let note = usize::from(c.total() > 10);
         noted[note].store(allocations_of_this_thread(), Ordering::Release);
         Tally {
             good: c.good,
-            bad: [c.bad_total(), 0, 0, 0, 0, 0, 0, 0],
+            bad: std::array::from_fn(|kind| if kind == 0 { c.bad_total() } else { 0 }),
             ignored: c.ignored,
         }
     });

@@ -110,7 +110,7 @@ pub fn listen(
 fn decode(protocol: Protocol) -> Decode {
     let mut decoder = protocol.decoder();
     Box::new(move |frame, sink| {
-        decoder.push(frame, sink);
+        decoder.push(frame, &mut |signal| sink(signal));
         let counters = decoder.counters();
         Tally {
             good: counters.good,
