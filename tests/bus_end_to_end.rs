@@ -8,19 +8,18 @@
 mod bus_support;
 mod support;
 
-use bus_support::{ID, wait_for_frames, wait_until};
+use bus_support::{ID, ip, wait_for_frames, wait_until};
 use glasswing::app::intake::Intake;
 use glasswing::app::sources::{listen, listen_can, listen_udp};
-use glasswing::bus::{BusError, Endpoint, SourceThread, can, loopback};
+use glasswing::bus::{BusError, Endpoint, Event, Link, can, loopback};
 use glasswing::limits::{DATAGRAM_BYTES_MAX, SIGNALS_QUEUED_MAX};
 use glasswing::proto::Protocol;
 use glasswing::proto::canaerospace::encode;
 use glasswing::sampled::Invalid;
-use glasswing::signal::{Parameter, SourceId};
+use glasswing::signal::Parameter;
 use glasswing::state::Fusion;
 use glasswing::time::Monotonic;
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
-use std::process::Command;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
 use std::time::Duration;
 
 /// An FDM packet of version 24 with a pitch and nothing else.
@@ -79,6 +78,7 @@ fn bad_datagrams_are_counted_and_the_next_good_one_is_used() {
     wait_for_frames(&source.thread, 5);
     let figures = source.thread.figures().snapshot();
     assert_eq!((figures.good, figures.bad, figures.ignored), (1, 4, 0));
+    assert_eq!(figures.oversized, 1, "one was too long to be taken whole");
     let mut intake = Intake::new([source.signals], Fusion::new(&[ID]));
     let now = Monotonic::read();
     assert_eq!(intake.step(now).read(Parameter::Pitch, now), Ok(0.25));
@@ -109,22 +109,70 @@ fn a_full_ring_drops_the_newest_and_counts_them() {
 #[test]
 fn only_named_senders_are_heard() {
     let address = free_address();
+    let named = [Ipv4Addr::LOCALHOST, Ipv4Addr::new(127, 0, 0, 3)];
     let stranger = Ipv4Addr::new(127, 0, 0, 2);
-    let source = listen_udp(
-        "sim",
-        ID,
-        Protocol::FgFdm,
-        address,
-        vec![Ipv4Addr::LOCALHOST.into()],
-    )
-    .expect("opens");
-    let other = UdpSocket::bind((stranger, 0)).expect("a second loopback address");
-    other.send_to(&packet(0.5), address).expect("sent");
-    let named = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
-    named.send_to(&packet(0.25), address).expect("sent");
+    let allow = named.map(IpAddr::from).to_vec();
+    let source = listen_udp("sim", ID, Protocol::FgFdm, address, allow).expect("opens");
+    let send = |from: Ipv4Addr, pitch_rad: f32| {
+        let sender = UdpSocket::bind((from, 0)).expect("a loopback address");
+        sender.send_to(&packet(pitch_rad), address).expect("sent");
+    };
+    let figures = || source.thread.figures().snapshot();
+    send(stranger, 0.5);
+    wait_until("the stranger is counted", || figures().foreign == 1);
+    send(named[0], 0.25);
+    send(named[1], 0.125);
+    wait_for_frames(&source.thread, 2);
+    send(stranger, 0.5);
+    wait_until("the stranger is counted", || figures().foreign == 2);
+    assert_eq!((figures().good, figures().foreign), (2, 2));
+    let mut intake = Intake::new([source.signals], Fusion::new(&[ID]));
+    let now = Monotonic::read();
+    assert_eq!(intake.step(now).read(Parameter::Pitch, now), Ok(0.125));
+}
+
+/// An address of documentation networks (RFC 5737) that the loopback interface has for a while.
+struct Address(&'static str);
+
+impl Address {
+    fn set(&self, what: &str) -> bool {
+        ip(&["address", what, self.0, "dev", "lo"])
+    }
+}
+
+impl Drop for Address {
+    fn drop(&mut self) {
+        self.set("delete");
+    }
+}
+
+#[test]
+fn an_address_that_goes_away_is_noticed_and_used_again_when_it_is_back() {
+    let address = Address("203.0.113.77/32");
+    if support::is_emulated() || !address.set("add") {
+        support::skip("no address of the test's own here (it takes root)");
+        return;
+    }
+    let own = IpAddr::from([203, 0, 113, 77]);
+    let port = UdpSocket::bind((own, 0)).expect("a socket");
+    let bind = port.local_addr().expect("an address");
+    drop(port);
+    let source = listen_udp("sim", ID, Protocol::FgFdm, bind, vec![]).expect("opens");
+    let figures = || source.thread.figures().snapshot();
+    let send = || {
+        let sender = UdpSocket::bind((own, 0)).expect("a socket");
+        sender.send_to(&packet(0.25), bind).expect("sent");
+    };
+    send();
     wait_for_frames(&source.thread, 1);
-    let figures = source.thread.figures().snapshot();
-    assert_eq!((figures.good, figures.foreign), (1, 1));
+    assert!(address.set("delete"), "away");
+    wait_until("it is noticed", || figures().link == Link::Closed);
+    assert!(figures().events(Event::Lost) >= 1, "and counted");
+    assert!(address.set("add"), "back");
+    wait_until("it is opened again", || figures().link == Link::Open);
+    send();
+    wait_for_frames(&source.thread, 2);
+    assert_eq!((figures().good, figures().reopened), (2, 1));
 }
 
 #[test]
