@@ -61,6 +61,11 @@ fn look(bytes: &[u8], seen: usize) -> Look {
     if is_line_end(bytes[0]) {
         return Look::Blank(1);
     }
+    let is_right = |line: &[u8]| line.len() == LINE_BYTES && sum_is_right(line);
+    let whole = bytes.get(..LINE_BYTES).filter(|_| seen < LINE_BYTES);
+    if whole.is_some_and(|line| is_right(line) && !line.iter().any(|b| is_line_end(*b))) {
+        return Look::Frame(LINE_BYTES);
+    }
     let Some(end) = bytes[seen..].iter().position(|b| is_line_end(*b)) else {
         return if bytes.len() < LINE_BYTES_MAX {
             Look::More
@@ -69,10 +74,8 @@ fn look(bytes: &[u8], seen: usize) -> Look {
         };
     };
     let end = seen + end;
-    let is_right = |line: &[u8]| line.len() == LINE_BYTES && sum_is_right(line);
     match end.checked_sub(LINE_BYTES) {
         None => Look::Damaged(end, Fault::Short),
-        Some(0) if is_right(&bytes[..end]) => Look::Frame(end),
         Some(0) => Look::Damaged(end, Fault::Checksum),
         // A fragment without its end may stand before a whole line.
         Some(before) if is_right(&bytes[before..end]) => Look::Damaged(before, Fault::Fragment),

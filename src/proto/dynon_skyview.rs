@@ -62,7 +62,13 @@ impl Decoder for DynonSkyView {
 }
 
 fn look(bytes: &[u8], seen: usize) -> Look {
-    text_line(bytes, seen, b'!')
+    let length = match bytes {
+        [b'!', b'1', ..] => Some(ADAHRS_BYTES),
+        [b'!', b'2', ..] => Some(SYSTEM_BYTES),
+        [b'!', b'3', ..] => Some(EMS_BYTES),
+        _ => None,
+    };
+    text_line(bytes, seen, b'!', length)
 }
 
 fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut dyn Sink) {

@@ -3,7 +3,7 @@
 use super::Flow;
 use crate::angle::wrap_turn;
 use crate::sampled::Invalid;
-use crate::signal::{Frame, Parameter, Signal, Sink, SourceId, Traffic};
+use crate::signal::{Parameter, Signal, Sink, SourceId, Traffic};
 use crate::time::Monotonic;
 use crate::units::{
     Feet, FeetPerMinute, Hectopascals, InchesOfMercury, Knots, Metres, MetresPerSecond, Radians,
@@ -33,10 +33,6 @@ impl<'a> Emit<'a> {
             doubt: None,
             flow,
         }
-    }
-
-    pub(super) fn of(frame: &Frame<'_>, flow: &'a mut Flow, sink: &'a mut dyn Sink) -> Self {
-        Self::new(frame.at, frame.source, flow, sink)
     }
 
     /// A number in the parameter's unit.

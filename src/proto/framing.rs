@@ -186,10 +186,17 @@ impl<const N: usize> Framer<N> {
 }
 
 /// What a stream of text lines that begin with `start` and end with their sum begins with. A line ends at a carriage return,
-/// a line feed or the next `start`, which may not stand within a line.
-pub(super) fn text_line(bytes: &[u8], seen: usize, start: u8) -> Look {
+/// a line feed, the next `start`, which may not stand within a line, or with a right sum at the `length` of its kind.
+pub(super) fn text_line(bytes: &[u8], seen: usize, start: u8, length: Option<usize>) -> Look {
     if is_line_end(bytes[0]) {
         return Look::Blank(1);
+    }
+    if let Some(line) = length.and_then(|n| bytes.get(..n))
+        && seen < line.len()
+        && sum_is_right(line)
+        && !line[1..].iter().any(|b| is_line_end(*b) || *b == start)
+    {
+        return Look::Frame(line.len());
     }
     let from = seen.max(1);
     let ends = |b: &u8| is_line_end(*b) || *b == start;

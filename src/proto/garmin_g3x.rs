@@ -66,7 +66,14 @@ impl Decoder for GarminG3x {
 
 fn look(bytes: &[u8], seen: usize) -> Look {
     if bytes[0] != b'@' {
-        return text_line(bytes, seen, b'=');
+        let length = match bytes.get(..3) {
+            Some(b"=11") => Some(ATTITUDE_BYTES),
+            Some(b"=31") => Some(ENGINE_BYTES),
+            Some(b"=21") => Some(AIR_BYTES),
+            Some(b"=71") => Some(GROUND_BYTES),
+            _ => None,
+        };
+        return text_line(bytes, seen, b'=', length);
     }
     match bytes.iter().position(|b| is_line_end(*b) || *b == b'=') {
         Some(end) => Look::Foreign(end),

@@ -7,6 +7,7 @@
 //! In flight a fault costs the smallest thing: one impossible field costs that field, a frame whose shape is wrong costs
 //! the frame.
 
+pub mod can_fix;
 pub mod canaerospace;
 pub mod capture;
 pub mod dynon_d100;
@@ -181,6 +182,8 @@ pub enum Protocol {
     FgFdm,
     /// CANaerospace 1.7.
     CanAerospace,
+    /// CAN-FIX.
+    CanFix,
     /// GDL90 with the attitude messages of Stratux and ForeFlight.
     Gdl90,
     /// Dynon SkyView serial data.
@@ -199,9 +202,10 @@ pub enum Protocol {
 
 impl Protocol {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::FgFdm,
         Self::CanAerospace,
+        Self::CanFix,
         Self::Gdl90,
         Self::DynonSkyView,
         Self::DynonD100,
@@ -217,6 +221,7 @@ impl Protocol {
         match self {
             Self::FgFdm => "fgfdm",
             Self::CanAerospace => "canaerospace",
+            Self::CanFix => "can-fix",
             Self::Gdl90 => "gdl90",
             Self::Mgl => "mgl",
             Self::Ubx => "ubx",
@@ -239,6 +244,7 @@ impl Protocol {
         match self {
             Self::FgFdm => Box::new(fgfdm::FgFdm::new()),
             Self::CanAerospace => Box::new(canaerospace::CanAerospace::new()),
+            Self::CanFix => Box::new(can_fix::CanFix::new()),
             Self::Gdl90 => Box::new(gdl90::Gdl90::new()),
             Self::Mgl => Box::new(mgl::Mgl::new()),
             Self::Ubx => Box::new(ubx::Ubx::new()),
@@ -254,7 +260,7 @@ impl Protocol {
     pub const fn carriage(self) -> Carriage {
         match self {
             Self::FgFdm => Carriage::Packets,
-            Self::CanAerospace => Carriage::Can,
+            Self::CanAerospace | Self::CanFix => Carriage::Can,
             _ => Carriage::Stream,
         }
     }

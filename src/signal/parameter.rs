@@ -157,7 +157,7 @@ parameters! {
     SelectedAirspeed = "selected_airspeed_mps", 0.0 => 400.0, 5000;
     /// The pilot's vertical speed bug, up positive, m/s.
     SelectedVerticalSpeed = "selected_vertical_speed_mps", -150.0 => 150.0, 5000;
-    /// Distance from the desired track, to its right positive, m.
+    /// Distance from the desired track as the source signs it, m.
     CrossTrack = "cross_track_m", -1e6 => 1e6, 2000;
     /// Deflection of the course needle in full scales, to the right positive.
     CourseDeflection = "course_deflection_ratio", -1.0 => 1.0, 2000;
