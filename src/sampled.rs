@@ -18,6 +18,8 @@ pub enum Invalid {
     OutOfRange,
     /// The source itself says that it has failed or has nothing to say.
     SourceFailed,
+    /// The source itself says that the value is not to be trusted.
+    Doubtful,
     /// Two sources disagree by more than the parameter allows.
     Miscompare,
 }
@@ -31,6 +33,7 @@ impl Invalid {
             Self::Stale => "stale",
             Self::OutOfRange => "out-of-range",
             Self::SourceFailed => "source-failed",
+            Self::Doubtful => "doubtful",
             Self::Miscompare => "miscompare",
         }
     }

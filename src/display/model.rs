@@ -223,9 +223,10 @@ impl Model {
 /// Of several reasons the one that the pilot should know first: disagreement, then failure, then age, then absence.
 fn gravest(a: Invalid, b: Invalid) -> Invalid {
     let weight = |i| match i {
-        Invalid::Miscompare => 4,
-        Invalid::SourceFailed => 3,
-        Invalid::OutOfRange => 2,
+        Invalid::Miscompare => 5,
+        Invalid::SourceFailed => 4,
+        Invalid::OutOfRange => 3,
+        Invalid::Doubtful => 2,
         Invalid::Stale => 1,
         Invalid::NeverReceived => 0,
     };

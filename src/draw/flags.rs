@@ -22,6 +22,7 @@ const fn look(reason: Invalid) -> Look {
         Invalid::NeverReceived => ("- - -", colour::ABSENT),
         Invalid::Stale => ("OLD", colour::CAUTION),
         Invalid::OutOfRange | Invalid::SourceFailed => ("FAIL", colour::WARNING),
+        Invalid::Doubtful => ("CHK", colour::CAUTION),
         Invalid::Miscompare => ("CMP", colour::CAUTION),
     };
     Look { word, colour }
@@ -34,6 +35,7 @@ const fn sentence(reason: Invalid) -> &'static str {
         Invalid::Stale => "DATA TOO OLD",
         Invalid::OutOfRange => "VALUE OUT OF RANGE",
         Invalid::SourceFailed => "SOURCE REPORTS FAILURE",
+        Invalid::Doubtful => "SOURCE DOUBTS ITSELF",
         Invalid::Miscompare => "SOURCES DISAGREE",
     }
 }
@@ -141,7 +143,7 @@ fn marks(pen: &mut Pen<'_>, rect: Rect, reason: Invalid, weight: f32) {
             pen.list.line(min, max, width * 1.4, colour);
             pen.list.frame(rect, width, colour);
         }
-        Invalid::Miscompare => {
+        Invalid::Doubtful | Invalid::Miscompare => {
             pen.list.frame(rect, width, colour);
             pen.list
                 .frame(rect.grown(-(width * 2.5).round()), width, colour);

@@ -109,15 +109,16 @@ impl Fusion {
 }
 
 const NOTHING: u8 = 0;
-const GOOD: u8 = 5;
+const GOOD: u8 = 6;
 
 /// How much a reason tells the pilot: a source that knows it is wrong tells more than one that is silent.
 const fn tells(reason: Option<Invalid>) -> u8 {
     match reason {
         None => GOOD,
-        Some(Invalid::Miscompare) => 4,
-        Some(Invalid::SourceFailed) => 3,
-        Some(Invalid::OutOfRange) => 2,
+        Some(Invalid::Miscompare) => 5,
+        Some(Invalid::SourceFailed) => 4,
+        Some(Invalid::OutOfRange) => 3,
+        Some(Invalid::Doubtful) => 2,
         Some(Invalid::Stale) => 1,
         Some(Invalid::NeverReceived) => NOTHING,
     }
