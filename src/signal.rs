@@ -165,6 +165,22 @@ parameters! {
     GroundSpeed = "ground_speed_mps", 0.0 => 700.0, 2000;
     /// Direction of motion over the ground, clockwise from true north, rad, 0 to 2 pi.
     Track = "track_rad", 0.0 => TAU, 2000;
+    /// How fast the heading changes, right (clockwise) positive, rad/s.
+    TurnRate = "turn_rate_radps", -10.0 => 10.0, 300;
+    /// The altitude of the ICAO standard atmosphere that has the air's density, m.
+    DensityAltitude = "density_altitude_m", -5000.0 => 30_000.0, 5000;
+    /// m/s.
+    WindSpeed = "wind_speed_mps", 0.0 => 200.0, 5000;
+    /// Where the wind comes from, clockwise from true north, rad, 0 to 2 pi.
+    WindDirectionTrue = "wind_direction_true_rad", 0.0 => TAU, 5000;
+    /// Direction of motion over the ground, clockwise from magnetic north, rad, 0 to 2 pi.
+    TrackMagnetic = "track_magnetic_rad", 0.0 => TAU, 2000;
+    /// Magnetic north as seen from true north, east positive, rad.
+    MagneticVariation = "magnetic_variation_rad", -PI => PI, 20_000;
+    /// Above the ground below, m.
+    HeightAgl = "height_agl_m", -100.0 => 30_000.0, 2000;
+    /// Days since 1 January 1970, coordinated universal time.
+    UtcDate = "utc_date_days", 10_957.0 => 73_050.0, 20_000;
     /// First engine, 1/min.
     EngineSpeed = "engine_speed_rpm", 0.0 => 60_000.0, 5000;
 }
