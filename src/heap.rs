@@ -46,14 +46,12 @@ pub fn keep_freed_memory() {
         const MMAP_THRESHOLD: std::ffi::c_int = -3;
         /// Above what a frame asks for in one piece; far below what the textures and files of a pack are.
         const SINGLE_BYTES: std::ffi::c_int = 4 << 20;
+        // SAFETY: glibc has this function with this type since 2.0; it takes two numbers and sets a setting.
         unsafe extern "C" {
-            fn mallopt(parameter: std::ffi::c_int, value: std::ffi::c_int) -> std::ffi::c_int;
+            safe fn mallopt(parameter: std::ffi::c_int, value: std::ffi::c_int) -> std::ffi::c_int;
         }
-        // SAFETY: glibc has this function with this type since 2.0; it takes a number and sets one.
-        unsafe {
-            mallopt(TRIM_THRESHOLD, KEPT_BYTES);
-            mallopt(MMAP_THRESHOLD, SINGLE_BYTES);
-        }
+        mallopt(TRIM_THRESHOLD, KEPT_BYTES);
+        mallopt(MMAP_THRESHOLD, SINGLE_BYTES);
     }
 }
 
