@@ -259,8 +259,11 @@ impl LookUniforms {
         let palette = look.palette;
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
         unsafe {
-            gl.uniform_3_f32_slice(Some(&self.key), &light(heading, KEY_LIGHT_DEG));
-            gl.uniform_3_f32_slice(Some(&self.fill), &light(heading, FILL_LIGHT_DEG));
+            gl.uniform_3_f32_slice(Some(&self.key), &light(heading, KEY_LIGHT_DEG, KEY_LIGHT));
+            gl.uniform_3_f32_slice(
+                Some(&self.fill),
+                &light(heading, FILL_LIGHT_DEG, FILL_LIGHT),
+            );
             gl.uniform_4_f32(Some(&self.haze), r, g, b, (1.0 / look.haze_m) as f32);
             gl.uniform_3_f32_slice(Some(&self.brightness), &palette.brightness());
             if let (Some([warning, caution, margin]), Some(height)) =
@@ -287,15 +290,19 @@ impl LookUniforms {
 const KEY_LIGHT_DEG: (f64, f64) = (-88.0, 40.0);
 const FILL_LIGHT_DEG: (f64, f64) = (70.0, 25.0);
 
-/// The unit vector east, north, up towards a light.
+/// How strong they are: 1 shows a surface that faces the light in its own colour.
+const KEY_LIGHT: f64 = 1.02;
+const FILL_LIGHT: f64 = 0.30;
+
+/// The vector east, north, up towards a light, as long as the light is strong.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "numbers for the shader, which is f32"
 )]
-fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64)) -> [f32; 3] {
+fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64), strength: f64) -> [f32; 3] {
     let (sin, cos) = (heading.0 + azimuth_deg.to_radians()).sin_cos();
     let (up, along) = elevation_deg.to_radians().sin_cos();
-    [(along * sin) as f32, (along * cos) as f32, up as f32]
+    [along * sin, along * cos, up].map(|v| (strength * v) as f32)
 }
 
 #[cfg(test)]
