@@ -366,6 +366,35 @@ fn info_says_what_is_in_a_pack() {
 }
 
 #[test]
+fn a_reader_that_goes_away_is_no_failure_and_a_full_disk_is_one() {
+    let pack = pack("stdout");
+    let info = |stdout: Stdio| {
+        support::glasswing_command()
+            .args(["terrain", "info", text(&pack)])
+            .stdout(stdout)
+            .output()
+            .expect("the program starts")
+    };
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let unread = info(writer.into());
+    let complaint = String::from_utf8_lossy(&unread.stderr);
+    assert_eq!(unread.status.code(), Some(0), "{complaint}");
+    assert_eq!(complaint, "", "nobody is to be bothered");
+    let full = fs::OpenOptions::new()
+        .write(true)
+        .open("/dev/full")
+        .expect("Linux has it");
+    let full = info(full.into());
+    let complaint = String::from_utf8_lossy(&full.stderr);
+    assert_eq!(full.status.code(), Some(1), "{complaint}");
+    assert!(
+        complaint.starts_with("glasswing: standard output: "),
+        "{complaint}"
+    );
+}
+
+#[test]
 fn verify_names_every_damaged_tile() {
     let out = pack("verify");
     let sound = json(&["verify", text(&out), "--json"]);

@@ -1,6 +1,6 @@
 //! `glasswing terrain info`: what is in a pack.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
+use crate::app::out::say;
 use crate::app::terrain::PackArgs;
 use crate::terrain::pack::{Bounds, Pack};
 use crate::terrain::partition::Partition;
@@ -52,7 +52,7 @@ fn max_error_m(pack: &Pack, partition: Partition) -> f32 {
 /// Prints what is in a pack.
 pub fn print(pack: &Pack, args: &PackArgs) {
     if args.json {
-        println!("{}", info_json(&args.pack, pack));
+        say!("{}", info_json(&args.pack, pack));
     } else {
         print_text(&args.pack, pack);
     }
@@ -126,23 +126,29 @@ fn print_text(path: &Path, pack: &Pack) {
     let b = &info.bounds;
     let geographic = level_summaries(pack, Partition::Geographic);
     let all: u64 = geographic.iter().map(|l| l.bytes).sum();
-    println!("{}: terrain pack, format {}", path.display(), info.version);
-    println!(
+    say!("{}: terrain pack, format {}", path.display(), info.version);
+    say!(
         "bounds      {} to {} N, {} to {} E",
-        b.south_deg, b.north_deg, b.west_deg, b.east_deg
+        b.south_deg,
+        b.north_deg,
+        b.west_deg,
+        b.east_deg
     );
-    println!(
+    say!(
         "heights     {} to {} m above EGM96, in steps of {} m, at most {} m from their source",
         info.height_min_m,
         info.height_max_m,
         info.unit_m,
         max_error_m(pack, Partition::Geographic)
     );
-    println!(
+    say!(
         "posts       {} ({} a degree), of these {} void and {} water",
-        info.posts, info.grid.posts_per_degree, info.void_posts, info.water_posts
+        info.posts,
+        info.grid.posts_per_degree,
+        info.void_posts,
+        info.water_posts
     );
-    println!(
+    say!(
         "bytes       {} in {} tiles; {:.2} bits a sample on the finest level, {:.2} with all levels",
         info.bytes,
         info.tiles,
@@ -151,7 +157,7 @@ fn print_text(path: &Path, pack: &Pack) {
     );
     for partition in partitions(pack) {
         if partition != Partition::Geographic {
-            println!(
+            say!(
                 "{}   at most {} m from the sources",
                 partition.name(),
                 max_error_m(pack, partition)
@@ -159,20 +165,24 @@ fn print_text(path: &Path, pack: &Pack) {
         }
         print_levels(pack, partition);
     }
-    println!(
+    say!(
         "RMS, most and low: the level's surface against the finest posts, metres; low: below any of them; summit: below one"
     );
     for source in pack.sources() {
         let b = source.rect.bounds(info.grid);
-        println!(
+        say!(
             "source      {}: {} to {} N, {} to {} E",
-            source.name, b.south_deg, b.north_deg, b.west_deg, b.east_deg
+            source.name,
+            b.south_deg,
+            b.north_deg,
+            b.west_deg,
+            b.east_deg
         );
     }
 }
 
 fn print_levels(pack: &Pack, partition: Partition) {
-    println!("level  spacing/deg  tiles      bytes  RMS/m  most/m  low/m  summit/m");
+    say!("level  spacing/deg  tiles      bytes  RMS/m  most/m  low/m  summit/m");
     for (level, s) in std::iter::zip(0_u8.., level_summaries(pack, partition)) {
         let errors = match pack.info().level_error(partition, level) {
             Some(e) => format!(
@@ -181,7 +191,7 @@ fn print_levels(pack: &Pack, partition: Partition) {
             ),
             None => "    -       -      -         -".to_owned(),
         };
-        println!(
+        say!(
             "{level:5}  {:11.7}  {:5}  {:9}  {errors}",
             pack.info().grid.spacing_deg(level),
             s.tiles,
