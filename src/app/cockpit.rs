@@ -177,7 +177,8 @@ impl Cockpit {
         };
         self.ui.terrain_caution = None;
         let model = Model::build(state, &self.ui, &self.config, now);
-        (model, self.camera(&model))
+        let camera = self.camera(&model);
+        (model, camera)
     }
 
     /// The camera of synthetic vision, if everything that it needs may be shown.
