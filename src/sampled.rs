@@ -18,6 +18,8 @@ pub enum Invalid {
     OutOfRange,
     /// The source itself says that it has failed or has nothing to say.
     SourceFailed,
+    /// The source itself says that the value is not to be trusted.
+    Doubtful,
     /// It repeats to the last bit where its sensor could not: the sensor has stopped.
     Frozen,
     /// Other sensors say that it cannot be.
@@ -35,6 +37,7 @@ impl Invalid {
             Self::Stale => "stale",
             Self::OutOfRange => "out-of-range",
             Self::SourceFailed => "source-failed",
+            Self::Doubtful => "doubtful",
             Self::Frozen => "frozen",
             Self::Implausible => "implausible",
             Self::Miscompare => "miscompare",

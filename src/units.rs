@@ -10,6 +10,10 @@ pub const METRES_PER_FOOT: f64 = 0.3048;
 pub const METRES_PER_NAUTICAL_MILE: f64 = 1852.0;
 /// Hectopascals per inch of mercury at 0 degrees Celsius (conventional; ISO 31-3:1992 annex).
 pub const HECTOPASCALS_PER_INCH_OF_MERCURY: f64 = 33.863_886_67;
+/// Hectopascals per pound-force per square inch (exact pound and inch of 1959, standard gravity).
+pub const HECTOPASCALS_PER_PSI: f64 = 68.947_572_931_683_6;
+/// Litres per US liquid gallon (231 cubic inches, exact).
+pub const LITRES_PER_US_GALLON: f64 = 3.785_411_784;
 /// Standard acceleration of gravity, m/s2 (exact, 3rd CGPM 1901).
 pub const STANDARD_GRAVITY_MPS2: f64 = 9.806_65;
 

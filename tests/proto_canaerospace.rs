@@ -139,7 +139,13 @@ fn what_is_encoded_decodes_to_the_same_number() {
         for k in 1..40 {
             let x = spec.min + (spec.max - spec.min) * f64::from(k) / 40.0;
             let mut bench = Bench::default();
-            let frame = encode(parameter, x, 9, 3).expect("has an identifier");
+            let Some(frame) = encode(parameter, x, 9, 3) else {
+                assert!(
+                    spec.age_max.as_millis() > 0,
+                    "{parameter:?} has no identifier"
+                );
+                continue;
+            };
             assert_eq!(frame.data[..4], [9, 2, 0, 3]);
             let (got, value) = bench.one(frame);
             assert_eq!(got, parameter);

@@ -3,8 +3,9 @@
 
 use super::error::{Failure, Kind};
 use crate::proto::capture::{CandumpLine, CaptureError, UdpCapture};
-use crate::proto::{Counters, Decoder, Fault, Protocol};
-use crate::signal::{Frame, Signal, SourceId, Wire};
+use crate::proto::{Carriage, Counters, Decoder, Fault, Protocol};
+use crate::sampled::Invalid;
+use crate::signal::{Alert, Frame, Limit, Place, Signal, Sink, SourceId, Traffic, Wire};
 use crate::time::Monotonic;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde_json::{Map, Value, json};
@@ -15,10 +16,12 @@ use std::time::Duration;
 
 /// Decode a capture of bus traffic and say what is good, bad and ignored in it.
 ///
-/// FILE is a UDP capture container for fgfdm (records of seconds as f64 and length as u32, both little-endian, then the
-/// payload), and a candump log (as `candump -l` writes it) for canaerospace.
+/// FILE is a candump log (as `candump -l` writes it) for protocols on CAN, a UDP capture container (records of seconds as
+/// f64 and length as u32, both little-endian, then the payload) for packets, and either such a container or the raw bytes of
+/// a serial line for the others. Raw bytes have no times.
 ///
-/// Every frame is counted once: as good, as bad under one kind, or as ignored (somebody else's traffic). A container that
+/// Every frame is counted once: as good, as bad under one kind, or as ignored (somebody else's traffic). Where a protocol has
+/// checksums, good is every whole frame with a right one, whether or not there is a use for what it says. A container that
 /// ends inside a record is decoded up to there and counted as `truncated`; a line that is no candump line as `malformed`.
 #[derive(Clone, Debug, clap::Args)]
 #[command(
@@ -35,7 +38,7 @@ pub struct DecodeArgs {
     /// quality (`good`, or why there is no value). With --json the samples are an array `samples` of the one document.
     #[arg(long)]
     pub samples: bool,
-    /// Print one JSON document: good, bad {kind: count}, ignored, flow {lost, repeated, frozen, failed}.
+    /// Print one JSON document: good, bad {kind: count}, ignored, flow {lost, repeated, frozen, failed, refused, unchecked}.
     #[arg(long)]
     pub json: bool,
 }
@@ -165,7 +168,10 @@ impl Outcome {
         document.insert("ignored".to_owned(), json!(ignored));
         document.insert(
             "flow".to_owned(),
-            json!({ "lost": flow.lost, "repeated": flow.repeated, "frozen": flow.frozen, "failed": flow.failed }),
+            json!({
+                "lost": flow.lost, "repeated": flow.repeated, "frozen": flow.frozen, "failed": flow.failed,
+                "refused": flow.refused, "unchecked": flow.unchecked,
+            }),
         );
         document
     }
@@ -183,8 +189,8 @@ impl Outcome {
         }
         text += &format!("ignored  {ignored}\n");
         text + &format!(
-            "flow     {} lost, {} repeated, {} frozen, {} failed",
-            flow.lost, flow.repeated, flow.frozen, flow.failed
+            "flow     {} lost, {} repeated, {} frozen, {} failed, {} fields refused, {} unchecked",
+            flow.lost, flow.repeated, flow.frozen, flow.failed, flow.refused, flow.unchecked
         )
     }
 }
@@ -206,10 +212,16 @@ fn decode(
         without_data: 0,
         damage: None,
     };
-    match protocol {
-        Protocol::FgFdm => read_container(path, bytes, &mut run, &mut outcome)?,
-        Protocol::CanAerospace => read_candump(path, bytes, &mut run, &mut outcome)?,
+    match protocol.carriage() {
+        Carriage::Packets => read_container(path, bytes, &mut run, &mut outcome)?,
+        Carriage::Stream if UdpCapture::is_one(bytes) => {
+            read_container(path, bytes, &mut run, &mut outcome)?;
+        }
+        Carriage::Stream if bytes.is_empty() => return Err(empty(path)),
+        Carriage::Stream => run.push(None, Wire::Stream(bytes)),
+        Carriage::Can => read_candump(path, bytes, &mut run, &mut outcome)?,
     }
+    run.decoder.finish();
     outcome.counters = *run.decoder.counters();
     outcome.counters.ignored += outcome.without_data;
     Ok(outcome)
@@ -223,7 +235,7 @@ fn read_container(
 ) -> Result<(), Failure> {
     for record in UdpCapture::new(bytes) {
         match record {
-            Ok((seconds, payload)) => run.push(seconds, Wire::Datagram(payload)),
+            Ok((seconds, payload)) => run.push(Some(seconds), Wire::Datagram(payload)),
             Err(damage @ CaptureError::Truncated { .. }) => {
                 outcome.truncated += 1;
                 outcome.damage = Some(damage);
@@ -258,7 +270,7 @@ fn read_candump(
             CandumpLine::Blank => {}
             CandumpLine::Data(seconds, can) => {
                 frames += 1;
-                run.push(seconds, Wire::Can(can));
+                run.push(Some(seconds), Wire::Can(can));
             }
             CandumpLine::NoData => outcome.without_data += 1,
             CandumpLine::Malformed => outcome.malformed += 1,
@@ -294,31 +306,105 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn push(&mut self, seconds: f64, wire: Wire<'_>) {
-        let at = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+    /// One frame; a raw capture has no times.
+    fn push(&mut self, seconds: Option<f64>, wire: Wire<'_>) {
+        let at = Duration::try_from_secs_f64(seconds.unwrap_or(0.0)).unwrap_or(Duration::MAX);
         let frame = Frame {
             at: Monotonic::from_nanos(0).plus(at),
             source: SourceId(0),
             wire,
         };
-        let on_sample = &mut self.on_sample;
-        self.decoder.push(frame, &mut |signal| {
-            if let Some(on_sample) = on_sample {
-                on_sample(sample(seconds, &signal));
-            }
-        });
+        let mut printer = Printer {
+            seconds,
+            on_sample: self.on_sample.take(),
+        };
+        self.decoder.push(frame, &mut printer);
+        self.on_sample = printer.on_sample;
     }
 }
 
-fn sample(seconds: f64, signal: &Signal) -> Value {
-    let name = signal.parameter.spec().name;
-    let unit = name.rsplit('_').next().unwrap_or_default();
-    let quality = signal.value.map_or_else(|reason| reason.name(), |_| "good");
-    json!({
-        "time": seconds,
-        "parameter": name,
-        "value": signal.value.ok(),
-        "unit": unit,
-        "quality": quality,
-    })
+/// Makes a JSON line of each thing that the decoder says.
+struct Printer<'a> {
+    seconds: Option<f64>,
+    on_sample: Option<OnSample<'a>>,
+}
+
+impl Printer<'_> {
+    fn print(&mut self, parameter: &str, value: Value, unit: &str, quality: &str) {
+        if let Some(on_sample) = &mut self.on_sample {
+            on_sample(json!({
+                "time": self.seconds,
+                "parameter": parameter,
+                "value": value,
+                "unit": unit,
+                "quality": quality,
+            }));
+        }
+    }
+}
+
+impl Sink for Printer<'_> {
+    fn signal(&mut self, signal: Signal) {
+        if self.on_sample.is_none() {
+            return;
+        }
+        let name = signal.parameter.spec().name;
+        let unit = name.rsplit('_').next().unwrap_or_default();
+        let quality = signal.value.map_or_else(Invalid::name, |_| "good");
+        self.print(name, json!(signal.value.ok()), unit, quality);
+    }
+
+    fn traffic(&mut self, traffic: &Traffic) {
+        if self.on_sample.is_some() {
+            self.print("traffic", traffic_json(traffic), "", "good");
+        }
+    }
+
+    fn limit(&mut self, limit: &Limit) {
+        let name = limit.parameter.spec().name;
+        let unit = name.rsplit('_').next().unwrap_or_default();
+        // Never under the parameter's own name: a limit is not its value.
+        let value = json!({ "of": name, "kind": limit.kind, "value": limit.value });
+        self.print("limit", value, unit, "good");
+    }
+}
+
+fn traffic_json(traffic: &Traffic) -> Value {
+    let mut value = match traffic.place {
+        Place::Geodetic {
+            latitude_rad,
+            longitude_rad,
+            pressure_altitude_m,
+        } => json!({
+            "latitude_rad": latitude_rad, "longitude_rad": longitude_rad,
+            "pressure_altitude_m": pressure_altitude_m,
+        }),
+        Place::Relative {
+            north_m,
+            east_m,
+            up_m,
+        } => json!({ "north_m": north_m, "east_m": east_m, "up_m": up_m }),
+        Place::Around { distance_m, up_m } => json!({ "distance_m": distance_m, "up_m": up_m }),
+        Place::Bearing {
+            bearing_relative_rad,
+            distance_m,
+            up_m,
+        } => json!({
+            "bearing_relative_rad": bearing_relative_rad, "distance_m": distance_m, "up_m": up_m,
+        }),
+    };
+    let callsign = String::from_utf8_lossy(&traffic.callsign);
+    value["address"] = json!(traffic.address.map(|a| format!("{a:06X}")));
+    value["callsign"] = json!(callsign.trim());
+    value["track_rad"] = json!(traffic.track_rad);
+    value["ground_speed_mps"] = json!(traffic.ground_speed_mps);
+    value["vertical_speed_mps"] = json!(traffic.vertical_speed_mps);
+    value["airborne"] = json!(traffic.airborne);
+    value["alert"] = json!(match traffic.alert {
+        Alert::None => "none",
+        Alert::Low => "low",
+        Alert::Important => "important",
+        Alert::Urgent => "urgent",
+    });
+    value
 }

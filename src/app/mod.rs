@@ -19,6 +19,7 @@ pub mod list;
 pub mod measure;
 pub mod out;
 pub mod picture;
+pub mod ports;
 pub mod run;
 pub mod shot;
 pub mod sources;

@@ -24,6 +24,7 @@ const fn look(reason: Invalid) -> Look {
         Invalid::OutOfRange | Invalid::SourceFailed | Invalid::Frozen | Invalid::Implausible => {
             ("FAIL", colour::WARNING)
         }
+        Invalid::Doubtful => ("CHK", colour::CAUTION),
         Invalid::Miscompare => ("CMP", colour::CAUTION),
     };
     Look { word, colour }
@@ -38,6 +39,7 @@ const fn sentence(reason: Invalid) -> &'static str {
         Invalid::SourceFailed => "SOURCE REPORTS FAILURE",
         Invalid::Frozen => "SENSOR STANDS STILL",
         Invalid::Implausible => "CONTRADICTS THE TURN",
+        Invalid::Doubtful => "SOURCE DOUBTS ITSELF",
         Invalid::Miscompare => "SOURCES DISAGREE",
     }
 }
@@ -145,7 +147,7 @@ fn marks(pen: &mut Pen<'_>, rect: Rect, reason: Invalid, weight: f32) {
             pen.list.line(min, max, width * 1.4, colour);
             pen.list.frame(rect, width, colour);
         }
-        Invalid::Miscompare => {
+        Invalid::Doubtful | Invalid::Miscompare => {
             pen.list.frame(rect, width, colour);
             pen.list
                 .frame(rect.grown(-(width * 2.5).round()), width, colour);

@@ -27,7 +27,7 @@
 use super::{Counters, Decoder, Fault};
 use crate::angle::{wrap_signed, wrap_turn};
 use crate::sampled::Invalid;
-use crate::signal::{CanData, Frame, Parameter, Signal, SourceId, Wire};
+use crate::signal::{CanData, Frame, Parameter, Signal, Sink, SourceId, Wire};
 use crate::time::Monotonic;
 use crate::units::{Degrees, Radians};
 use std::time::Duration;
@@ -241,6 +241,8 @@ impl CanAerospace {
                     repeated: 0,
                     frozen: 0,
                     failed: 0,
+                    refused: 0,
+                    unchecked: 0,
                 },
             },
             heard: [NOT_HEARD; ROWS.len()],
@@ -362,7 +364,7 @@ enum Taken {
 }
 
 impl Decoder for CanAerospace {
-    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn FnMut(Signal)) {
+    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink) {
         let Wire::Can(can) = frame.wire else {
             self.counters.ignored += 1;
             return;
@@ -378,12 +380,12 @@ impl Decoder for CanAerospace {
             Taken::Good(signal) => {
                 self.counters.count(None);
                 if let Some(signal) = signal {
-                    sink(signal);
+                    sink.signal(signal);
                 }
             }
             Taken::Impossible(fault, signal) => {
                 self.counters.count(Some(fault));
-                sink(signal);
+                sink.signal(signal);
             }
             Taken::Bad(fault) => self.counters.count(Some(fault)),
             Taken::Ignored => self.counters.ignored += 1,

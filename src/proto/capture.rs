@@ -62,6 +62,16 @@ impl<'a> UdpCapture<'a> {
         }
     }
 
+    /// Whether a file is such a container rather than a raw capture: its first record is whole, with a plausible time, and
+    /// what follows is another or the end. Text and binary streams read as a record have an absurd time or length.
+    #[must_use]
+    pub fn is_one(bytes: &'a [u8]) -> bool {
+        let mut records = Self::new(bytes);
+        let plausible = |seconds: f64| seconds == 0.0 || seconds > 1e-9;
+        let first = matches!(records.next(), Some(Ok((seconds, _))) if plausible(seconds));
+        first && !matches!(records.next(), Some(Err(CaptureError::NotARecord { .. })))
+    }
+
     fn record(&self) -> Result<(f64, &'a [u8]), CaptureError> {
         let rest = &self.bytes[self.offset..];
         let truncated = |expected| CaptureError::Truncated {

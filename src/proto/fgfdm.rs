@@ -15,7 +15,7 @@
 use super::{Counters, Decoder, Fault};
 use crate::angle::{wrap_signed, wrap_turn};
 use crate::sampled::Invalid;
-use crate::signal::{Frame, Parameter, Signal, Wire};
+use crate::signal::{Frame, Parameter, Signal, Sink, Wire};
 use crate::units::{Feet, Knots, Metres, MetresPerSecond, Radians, STANDARD_GRAVITY_MPS2};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -71,7 +71,7 @@ impl FgFdm {
 }
 
 impl Decoder for FgFdm {
-    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn FnMut(Signal)) {
+    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink) {
         let Wire::Datagram(bytes) = frame.wire else {
             self.counters.ignored += 1;
             return;
@@ -199,7 +199,7 @@ fn engine(bytes: &[u8], out: &mut Emitter<'_, '_>) {
 /// Checks fields on their way out and remembers the worst that was wrong with the packet.
 struct Emitter<'a, 'b> {
     frame: Frame<'a>,
-    sink: &'b mut dyn FnMut(Signal),
+    sink: &'b mut dyn Sink,
     worst: Option<Fault>,
 }
 
@@ -213,7 +213,7 @@ impl Emitter<'_, '_> {
                 self.worst = Some(Fault::OutOfRange);
             }
         }
-        (self.sink)(Signal {
+        self.sink.signal(Signal {
             at: self.frame.at,
             source: self.frame.source,
             parameter,

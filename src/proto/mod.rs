@@ -7,16 +7,33 @@
 //! In flight a fault costs the smallest thing: one impossible field costs that field, a frame whose shape is wrong costs
 //! the frame.
 
+pub mod can_fix;
 pub mod canaerospace;
 pub mod capture;
+pub mod dynon_d100;
+pub mod dynon_skyview;
+mod emit;
 pub mod fgfdm;
+pub mod framing;
+pub mod garmin_g3x;
+pub mod gdl90;
+mod gnss;
+pub mod mgl;
+pub mod nmea;
+pub mod ubx;
 
-use crate::signal::{Frame, Signal};
+use crate::signal::{Frame, Sink};
 
 /// What can be wrong with a frame. A frame is counted under the first that applies, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Fault {
+    /// The checksum is not that of the content.
+    Checksum,
+    /// There is no checksum where the protocol has one.
+    Unchecked,
+    /// A piece without a beginning.
+    Fragment,
     /// Fewer bytes than its version or data type has.
     Short,
     /// More bytes than its version or data type has.
@@ -35,7 +52,10 @@ pub enum Fault {
 
 impl Fault {
     /// All kinds, in the order of their discriminants.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 10] = [
+        Self::Checksum,
+        Self::Unchecked,
+        Self::Fragment,
         Self::Short,
         Self::Long,
         Self::UnknownVersion,
@@ -49,6 +69,9 @@ impl Fault {
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Checksum => "checksum",
+            Self::Unchecked => "unchecked",
+            Self::Fragment => "fragment",
             Self::Short => "short",
             Self::Long => "long",
             Self::UnknownVersion => "unknown-version",
@@ -85,6 +108,11 @@ pub struct Flow {
     pub frozen: u64,
     /// Frames by which the source said that it has no data or has failed.
     pub failed: u64,
+    /// Fields of good frames that were no number of their kind or not in their parameter's range: no value was taken from
+    /// them. In protocols without a checksum such a frame is counted as bad instead.
+    pub refused: u64,
+    /// Good frames of a kind that has no checksum.
+    pub unchecked: u64,
 }
 
 impl Counters {
@@ -106,6 +134,15 @@ impl Counters {
         self.good + self.bad_total() + self.ignored
     }
 
+    /// Counts a piece of a stream that is no frame.
+    fn count_piece(&mut self, piece: &framing::Piece<'_>) {
+        match piece {
+            framing::Piece::Frame(..) => {}
+            framing::Piece::Damaged(fault) => self.count(Some(*fault)),
+            framing::Piece::Foreign => self.ignored += 1,
+        }
+    }
+
     /// Counts one frame, good when `fault` is `None`.
     fn count(&mut self, fault: Option<Fault>) {
         match fault {
@@ -118,10 +155,24 @@ impl Counters {
 /// One protocol on one bus.
 pub trait Decoder: Send {
     /// Takes one frame and gives what it says to `sink`, in order.
-    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn FnMut(Signal));
+    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink);
+
+    /// The stream has ended: what waits for its rest is judged as it is. Decoders of whole frames have nothing to do.
+    fn finish(&mut self) {}
 
     /// What was made of the frames so far.
     fn counters(&self) -> &Counters;
+}
+
+/// How a protocol travels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Carriage {
+    /// CAN frames.
+    Can,
+    /// UDP datagrams that are whole packets.
+    Packets,
+    /// A byte stream with frames in it: over a serial line, or in UDP datagrams.
+    Stream,
 }
 
 /// The protocols that this program decodes.
@@ -131,11 +182,38 @@ pub enum Protocol {
     FgFdm,
     /// CANaerospace 1.7.
     CanAerospace,
+    /// CAN-FIX.
+    CanFix,
+    /// GDL90 with the attitude messages of Stratux and ForeFlight.
+    Gdl90,
+    /// Dynon SkyView serial data.
+    DynonSkyView,
+    /// Dynon D10, D10A and D100 serial data.
+    DynonD100,
+    /// Garmin G3X and G5 text output.
+    GarminG3x,
+    /// NMEA 0183, with the sentences of gliding instruments and FLARM.
+    Nmea,
+    /// UBX of u-blox receivers.
+    Ubx,
+    /// MGL Avionics serial data.
+    Mgl,
 }
 
 impl Protocol {
     /// All of them.
-    pub const ALL: [Self; 2] = [Self::FgFdm, Self::CanAerospace];
+    pub const ALL: [Self; 10] = [
+        Self::FgFdm,
+        Self::CanAerospace,
+        Self::CanFix,
+        Self::Gdl90,
+        Self::DynonSkyView,
+        Self::DynonD100,
+        Self::GarminG3x,
+        Self::Nmea,
+        Self::Ubx,
+        Self::Mgl,
+    ];
 
     /// The name used on the command line and in board files.
     #[must_use]
@@ -143,6 +221,14 @@ impl Protocol {
         match self {
             Self::FgFdm => "fgfdm",
             Self::CanAerospace => "canaerospace",
+            Self::CanFix => "can-fix",
+            Self::Gdl90 => "gdl90",
+            Self::Mgl => "mgl",
+            Self::Ubx => "ubx",
+            Self::Nmea => "nmea",
+            Self::GarminG3x => "garmin-g3x",
+            Self::DynonD100 => "dynon-d100",
+            Self::DynonSkyView => "dynon-skyview",
         }
     }
 
@@ -158,6 +244,24 @@ impl Protocol {
         match self {
             Self::FgFdm => Box::new(fgfdm::FgFdm::new()),
             Self::CanAerospace => Box::new(canaerospace::CanAerospace::new()),
+            Self::CanFix => Box::new(can_fix::CanFix::new()),
+            Self::Gdl90 => Box::new(gdl90::Gdl90::new()),
+            Self::Mgl => Box::new(mgl::Mgl::new()),
+            Self::Ubx => Box::new(ubx::Ubx::new()),
+            Self::Nmea => Box::new(nmea::Nmea::new()),
+            Self::GarminG3x => Box::new(garmin_g3x::GarminG3x::new()),
+            Self::DynonD100 => Box::new(dynon_d100::DynonD100::new()),
+            Self::DynonSkyView => Box::new(dynon_skyview::DynonSkyView::new()),
+        }
+    }
+
+    /// How it travels.
+    #[must_use]
+    pub const fn carriage(self) -> Carriage {
+        match self {
+            Self::FgFdm => Carriage::Packets,
+            Self::CanAerospace | Self::CanFix => Carriage::Can,
+            _ => Carriage::Stream,
         }
     }
 
@@ -165,8 +269,8 @@ impl Protocol {
     #[must_use]
     pub fn can_ids(self) -> &'static [u16] {
         match self {
-            Self::FgFdm => &[],
             Self::CanAerospace => &canaerospace::IDS,
+            _ => &[],
         }
     }
 }

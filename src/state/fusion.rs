@@ -226,17 +226,18 @@ fn refuted(last: Sampled<f64>, reason: Invalid) -> Sampled<f64> {
 }
 
 const NOTHING: u8 = 0;
-const GOOD: u8 = 7;
+const GOOD: u8 = 8;
 
 /// How much a reason tells the pilot: a source that knows it is wrong tells more than one that is silent.
 const fn tells(reason: Option<Invalid>) -> u8 {
     match reason {
         None => GOOD,
-        Some(Invalid::Miscompare) => 6,
-        Some(Invalid::Implausible) => 5,
-        Some(Invalid::Frozen) => 4,
-        Some(Invalid::SourceFailed) => 3,
-        Some(Invalid::OutOfRange) => 2,
+        Some(Invalid::Miscompare) => 7,
+        Some(Invalid::Implausible) => 6,
+        Some(Invalid::Frozen) => 5,
+        Some(Invalid::SourceFailed) => 4,
+        Some(Invalid::OutOfRange) => 3,
+        Some(Invalid::Doubtful) => 2,
         Some(Invalid::Stale) => 1,
         Some(Invalid::NeverReceived) => NOTHING,
     }

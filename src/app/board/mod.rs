@@ -5,16 +5,17 @@
 //! go, each problem with file and key path, and there is no other way to a [`Board`].
 
 mod reader;
+mod sources;
+
+pub use sources::{Endpoint, SourceWish};
 
 use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;
 use crate::gl::look::Palette;
-use crate::limits::SOURCES_MAX;
-use crate::proto::Protocol;
 use crate::screen::{self, ModeWish, Wishes};
+use crate::terrain::reach::TARGET_PX;
 use crate::units::{Knots, Radians};
 use reader::{Problem, Reader};
-use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -91,40 +92,14 @@ pub struct TerrainWish {
     pub pack: Option<PathBuf>,
     /// Vertices along the side of a clipmap level: 127, 175, 191, 255, 319 or 447.
     pub vertices: u32,
+    /// Error that pictures may have where levels follow the distance, RMS, pixels.
+    pub target_px: f64,
     /// Height samples uploaded per frame at most.
     pub upload_texels_per_frame: u32,
     /// Whether ground is coloured by its height relative to the aircraft at start.
     pub awareness: bool,
     /// Whether lines of latitude and longitude lie on the ground at start.
     pub grid: bool,
-}
-
-/// One source of flight data.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SourceWish {
-    /// Its name in messages and figures.
-    pub name: String,
-    /// What it speaks.
-    pub protocol: Protocol,
-    /// Where it is heard.
-    pub endpoint: Endpoint,
-}
-
-/// Where a source is heard.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Endpoint {
-    /// A UDP socket.
-    Udp {
-        /// Address and port to listen on.
-        bind: SocketAddr,
-        /// Senders that are listened to; empty means any that can reach the address.
-        allow: Vec<IpAddr>,
-    },
-    /// A CAN interface.
-    Can {
-        /// Its name, as in `can0`.
-        interface: String,
-    },
 }
 
 impl Board {
@@ -247,7 +222,7 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
     let marks = read_airspeeds(&mut airspeeds, problems);
     let terrain_wish = read_terrain(&mut terrain, file, problems);
     let devices = input.flag("devices", problems);
-    let sources = read_sources(sources, problems);
+    let sources = sources::read(sources, problems);
     for part in [root, screen, view, units, airspeeds, terrain, input] {
         part.finish(problems);
     }
@@ -335,98 +310,18 @@ fn read_terrain(r: &mut Reader, file: &Path, problems: &mut Vec<Problem>) -> Opt
         .optional_text("pack", problems)
         .map(|p| file.parent().unwrap_or(Path::new("")).join(p));
     let vertices = r.choice_of_number("vertices", &[127, 175, 191, 255, 319, 447], problems);
+    let target_px = r.number("target_px", TARGET_PX, problems);
     let upload = r.whole("upload_texels_per_frame", 4096..=1_048_576, problems);
     let awareness = r.flag("awareness", problems);
     let grid = r.flag("grid", problems);
     Some(TerrainWish {
         pack,
         vertices: vertices?,
+        target_px: target_px?,
         upload_texels_per_frame: upload?,
         awareness: awareness?,
         grid: grid?,
     })
-}
-
-fn read_sources(tables: Vec<Reader>, problems: &mut Vec<Problem>) -> Vec<SourceWish> {
-    let mut sources: Vec<SourceWish> = Vec::new();
-    for mut r in tables {
-        let name = r.text("name", problems);
-        let protocol = r.choice("protocol", &Protocol::ALL.map(|p| (p.name(), p)), problems);
-        let endpoint = read_endpoint(&mut r, protocol, problems);
-        if let Some(name) = &name
-            && sources.iter().any(|s| s.name == *name)
-        {
-            let why = format!("`{name}` is the name of two sources");
-            problems.push(Problem::new(
-                &r.path("name"),
-                why,
-                "give each source a name of its own",
-            ));
-        }
-        if let (Some(name), Some(protocol), Some(endpoint)) = (name, protocol, endpoint) {
-            sources.push(SourceWish {
-                name,
-                protocol,
-                endpoint,
-            });
-        }
-        r.finish(problems);
-    }
-    if sources.len() > SOURCES_MAX {
-        let why = format!("{} sources", sources.len());
-        problems.push(Problem::new(
-            "source",
-            why,
-            format!("give at most {SOURCES_MAX}"),
-        ));
-    }
-    sources
-}
-
-fn read_endpoint(
-    r: &mut Reader,
-    protocol: Option<Protocol>,
-    problems: &mut Vec<Problem>,
-) -> Option<Endpoint> {
-    let udp =
-        r.optional_parsed::<SocketAddr>("udp", "ADDRESS:PORT, as in 127.0.0.1:5500", problems);
-    let allow = r.optional_list::<IpAddr>("allow", "an IP address", problems);
-    let can = r.optional_text("can", problems);
-    let endpoint = match (udp, can) {
-        (Some(bind), None) => Endpoint::Udp { bind, allow },
-        (None, Some(interface)) => Endpoint::Can { interface },
-        (Some(_), Some(_)) => {
-            problems.push(Problem::new(
-                &r.path("can"),
-                "is given beside udp",
-                "give one of them",
-            ));
-            return None;
-        }
-        (None, None) => {
-            if !r.has_problem(problems) {
-                let todo = "give udp = \"ADDRESS:PORT\" or can = \"INTERFACE\"";
-                problems.push(Problem::new(&r.path(""), "has no endpoint", todo));
-            }
-            return None;
-        }
-    };
-    let fits = matches!(
-        (protocol, &endpoint),
-        (None, _)
-            | (Some(Protocol::FgFdm), Endpoint::Udp { .. })
-            | (Some(Protocol::CanAerospace), Endpoint::Can { .. })
-    );
-    if !fits {
-        let todo = "fgfdm comes over udp, canaerospace over can";
-        problems.push(Problem::new(
-            &r.path("protocol"),
-            "does not come over that bus",
-            todo,
-        ));
-        return None;
-    }
-    Some(endpoint)
 }
 
 #[cfg(test)]

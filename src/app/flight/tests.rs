@@ -203,7 +203,7 @@ fn what_the_sensors_send_decodes_to_the_flight() {
             source: SourceId(0),
             wire: Wire::Can(can),
         };
-        decoder.push(frame, &mut |signal| {
+        decoder.push(frame, &mut |signal: crate::signal::Signal| {
             let got = signal.value.expect("good");
             let x = expected(signal.parameter);
             let exact = matches!(signal.parameter, Parameter::Latitude | Parameter::Longitude);

@@ -1,0 +1,208 @@
+//! Garmin G3X's and G5's text output: lines with fields of fixed width, a checksum at the end of each.
+//!
+//! Source: Garmin, "G3X/G3X Touch Installation Manual", 190-01115-01, appendix "RS-232 Text Output Format" (revision AC and
+//! AV): attitude and air data `=11`, engine data `=31`; air data and bugs `=21` and height above ground `=71` are laid out as
+//! in the TronView project's reader, and agree with recordings. The last two characters before the line end are the sum of all
+//! before them, modulo 256, in hexadecimal. A field without a value is filled with `_`: absent.
+//!
+//! Signs: pitch up, roll right, turn right, climb are positive; lateral acceleration is positive to the left, and is turned
+//! round here. The heading is magnetic.
+//!
+//! Of the engine data only the fields are read whose place and scale the manual's pages at hand give; other lines with a
+//! right checksum are good, but nothing is read from them. Lines that begin with `@`, Garmin's simple text output, have no checksum: a position that nothing
+//! protects is not taken from a serial line, and they are ignored.
+
+use super::emit::{Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same};
+use super::framing::{Framer, LINE_BYTES_MAX, Look, Piece, is_line_end, text_line};
+use super::{Counters, Decoder, Fault};
+use crate::signal::{BUS_CURRENT, FUEL_QUANTITY, Frame, Parameter, Sink, SourceId, Wire, engines};
+use crate::units::{HECTOPASCALS_PER_PSI, LITRES_PER_US_GALLON};
+
+/// Lengths of the lines without their ends.
+const ATTITUDE_BYTES: usize = 57;
+const ENGINE_BYTES: usize = 219;
+const AIR_BYTES: usize = 40;
+const GROUND_BYTES: usize = 20;
+
+/// The sender's sign of "no value".
+const ABSENT: u8 = b'_';
+
+/// The decoder.
+#[derive(Debug, Default)]
+pub struct GarminG3x {
+    framer: Framer<{ LINE_BYTES_MAX + 1 }>,
+    counters: Counters,
+}
+
+impl GarminG3x {
+    /// A decoder that has seen nothing.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+impl Decoder for GarminG3x {
+    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink) {
+        let (Wire::Datagram(bytes) | Wire::Stream(bytes)) = frame.wire else {
+            self.counters.ignored += 1;
+            return;
+        };
+        let Self { framer, counters } = self;
+        framer.push(frame.at, bytes, look, &mut |piece| {
+            take(piece, frame.source, counters, sink);
+        });
+    }
+
+    fn finish(&mut self) {
+        let Self { framer, counters } = self;
+        framer.finish(look, &mut |piece| counters.count_piece(&piece));
+    }
+
+    fn counters(&self) -> &Counters {
+        &self.counters
+    }
+}
+
+fn look(bytes: &[u8], seen: usize) -> Look {
+    if bytes[0] != b'@' {
+        let length = match bytes.get(..3) {
+            Some(b"=11") => Some(ATTITUDE_BYTES),
+            Some(b"=31") => Some(ENGINE_BYTES),
+            Some(b"=21") => Some(AIR_BYTES),
+            Some(b"=71") => Some(GROUND_BYTES),
+            _ => None,
+        };
+        return text_line(bytes, seen, b'=', length);
+    }
+    match bytes.iter().position(|b| is_line_end(*b) || *b == b'=') {
+        Some(end) => Look::Foreign(end),
+        None if bytes.len() < LINE_BYTES_MAX => Look::More,
+        None => Look::Foreign(bytes.len()),
+    }
+}
+
+fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut dyn Sink) {
+    let Piece::Frame(at, line) = piece else {
+        counters.count_piece(&piece);
+        return;
+    };
+    let length = match line.get(1..3) {
+        Some(b"11") => ATTITUDE_BYTES,
+        Some(b"31") => ENGINE_BYTES,
+        Some(b"21") => AIR_BYTES,
+        Some(b"71") => GROUND_BYTES,
+        _ => line.len(),
+    };
+    let fault = match line.len().cmp(&length) {
+        std::cmp::Ordering::Less => Some(Fault::Short),
+        std::cmp::Ordering::Greater => Some(Fault::Long),
+        std::cmp::Ordering::Equal => None,
+    };
+    counters.count(fault);
+    if fault.is_none() {
+        let mut out = Emit::new(at, source, &mut counters.flow, sink);
+        match line.get(1..3) {
+            Some(b"11") => attitude(line, &mut out),
+            Some(b"31") => engine(line, &mut out),
+            Some(b"21") => air(line, &mut out),
+            Some(b"71") => ground(line, &mut out),
+            _ => {}
+        }
+    }
+}
+
+fn attitude(line: &[u8], out: &mut Emit<'_>) {
+    out.time_of_day(&line[3..9], ABSENT);
+    let mut f = Columns {
+        line,
+        filler: ABSENT,
+        out,
+    };
+    f.put(Parameter::Pitch, (11, 4), 0.1, f64::to_radians);
+    f.put(Parameter::Roll, (15, 5), 0.1, f64::to_radians);
+    f.put(Parameter::HeadingMagnetic, (20, 3), 1.0, compass);
+    f.put(Parameter::IndicatedAirspeed, (23, 4), 0.1, knots);
+    f.put(Parameter::PressureAltitude, (27, 6), 1.0, feet);
+    f.put(Parameter::TurnRate, (33, 4), 0.1, f64::to_radians);
+    f.put(Parameter::LateralAcceleration, (37, 3), -0.01, same);
+    f.put(Parameter::NormalAcceleration, (40, 3), 0.1, same);
+    f.put(Parameter::AngleOfAttackUsed, (43, 2), 1.0, same);
+    f.put(Parameter::VerticalSpeed, (45, 4), 10.0, fpm);
+    f.put(Parameter::StaticAirTemperature, (49, 3), 1.0, celsius);
+    let baro = |x| inches_of_mercury(27.5 + x);
+    f.put(Parameter::BaroSetting, (52, 3), 0.01, baro);
+}
+
+fn air(line: &[u8], out: &mut Emit<'_>) {
+    let mut f = Columns {
+        line,
+        filler: ABSENT,
+        out,
+    };
+    f.put(Parameter::TrueAirspeed, (11, 4), 0.1, knots);
+    f.put(Parameter::DensityAltitude, (15, 6), 1.0, feet);
+    f.put(Parameter::SelectedHeading, (21, 3), 1.0, compass);
+    f.put(Parameter::SelectedAltitude, (24, 6), 1.0, feet);
+    f.put(Parameter::SelectedAirspeed, (30, 4), 0.1, knots);
+    f.put(Parameter::SelectedVerticalSpeed, (34, 4), 10.0, fpm);
+}
+
+fn ground(line: &[u8], out: &mut Emit<'_>) {
+    let mut f = Columns {
+        line,
+        filler: ABSENT,
+        out,
+    };
+    f.put(Parameter::HeightAgl, (11, 3), 100.0, feet);
+    f.put(Parameter::GroundSpeed, (14, 4), 0.1, knots);
+}
+
+fn engine(line: &[u8], out: &mut Emit<'_>) {
+    let mut f = Columns {
+        line,
+        filler: ABSENT,
+        out,
+    };
+    let psi = |x| x * HECTOPASCALS_PER_PSI;
+    let gallons = |x| x * LITRES_PER_US_GALLON;
+    f.put(Parameter::OilPressure, (11, 3), 1.0, psi);
+    f.put(Parameter::OilTemperature, (14, 4), 1.0, celsius);
+    f.put(Parameter::EngineSpeed, (18, 4), 1.0, same);
+    f.put(Parameter::ManifoldPressure, (26, 3), 0.1, inches_of_mercury);
+    f.put(engines::FUEL_FLOW[0], (29, 3), 0.1, gallons);
+    // Cylinder head and exhaust temperatures alternate, from the last cylinder to the first.
+    for cylinder in 0..6 {
+        let at = 67 + 8 * (5 - cylinder);
+        f.put(
+            engines::CYLINDER_HEAD_TEMPERATURE[0][cylinder],
+            (at, 4),
+            1.0,
+            celsius,
+        );
+        f.put(
+            engines::EXHAUST_GAS_TEMPERATURE[0][cylinder],
+            (at + 4, 4),
+            1.0,
+            celsius,
+        );
+    }
+    f.put(Parameter::TurbineInletTemperature, (115, 4), 1.0, celsius);
+    // From here on a letter after each number says its unit: without it, the field is something else.
+    for (parameter, at, unit, letter) in [
+        (Parameter::CarburettorTemperature, 123, 0.1, b'C'),
+        (Parameter::CoolantTemperature, 147, 0.1, b'C'),
+    ] {
+        if line[at + 5] == letter {
+            f.put(parameter, (at, 5), unit, celsius);
+        }
+    }
+    for (parameter, at) in [(FUEL_QUANTITY[2], 135), (FUEL_QUANTITY[3], 141)] {
+        if line[at + 5] == b'G' {
+            f.put(parameter, (at, 5), 0.1, gallons);
+        }
+    }
+    if line[134] == b'A' {
+        f.put(BUS_CURRENT[1], (129, 5), 0.1, same);
+    }
+}
