@@ -90,7 +90,7 @@ impl Layout {
             altitude_title: right(186.0, -226.0, 108.0, 24.0),
             altitude: right(186.0, -200.0, 108.0, 400.0),
             baro: right(186.0, 206.0, 108.0, 26.0),
-            height_above_ground: right(186.0, 238.0, 108.0, 24.0),
+            height_above_ground: right(186.0, 238.0, 130.0, 24.0),
             vertical_speed: right(76.0, -150.0, 52.0, 300.0),
             heading: middle(-240.0, 250.0, 480.0, 42.0),
             heading_window: middle(-46.0, 217.0, 92.0, 32.0),
