@@ -37,9 +37,9 @@ const fn sentence(reason: Invalid) -> &'static str {
         Invalid::Stale => "DATA TOO OLD",
         Invalid::OutOfRange => "VALUE OUT OF RANGE",
         Invalid::SourceFailed => "SOURCE REPORTS FAILURE",
+        Invalid::Doubtful => "SOURCE DOUBTS ITSELF",
         Invalid::Frozen => "SENSOR STANDS STILL",
         Invalid::Implausible => "CONTRADICTS THE TURN",
-        Invalid::Doubtful => "SOURCE DOUBTS ITSELF",
         Invalid::Miscompare => "SOURCES DISAGREE",
     }
 }

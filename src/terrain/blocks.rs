@@ -227,7 +227,7 @@ mod tests {
         ) {
             let on = |scale: f64, reach: f64| {
                 let window = Window::around(shape, x / scale, y / scale, None);
-                Extent::around(shape, window, reach, (x / scale, y / scale), None)
+                Extent::around(shape, window, reach, (x / scale, y / scale))
             };
             let reach = share * reach_max(shape);
             let (fine, _) = on(1.0, reach);

@@ -152,25 +152,15 @@ pub struct Extent {
 const EXTENT_STEP_CELLS: i32 = 4;
 
 impl Extent {
-    /// All of a window.
-    #[must_use]
-    pub fn whole(shape: Shape, window: Window) -> Self {
-        Self {
-            window,
-            cells: shape.cells(),
-        }
-    }
-
     /// The part of a resident `window` that reaches `reach` posts around an eye, at most [`reach_max`], and a margin of one
     /// post at least. Returns it with the point it is around: the eye, or, where the window lags behind that, the nearest
-    /// point that has room. A `current` extent is kept while it fits.
+    /// point that has room.
     #[must_use]
     pub fn around(
         shape: Shape,
         window: Window,
         reach: f64,
         (x, y): (f64, f64),
-        current: Option<Self>,
     ) -> (Self, (f64, f64)) {
         let room = shape.half() - reach - 1.0;
         let near = |v: f64, origin: i32| {
@@ -181,23 +171,18 @@ impl Extent {
         let half = reach + MORPH_LAG_POSTS + 1.0;
         #[expect(clippy::cast_possible_truncation, reason = "a few hundred cells")]
         let steps = (2.0 * half / f64::from(EXTENT_STEP_CELLS)).ceil() as i32;
-        let least = (steps * EXTENT_STEP_CELLS).min(shape.cells());
-        let kept = current.filter(|c| (0..=EXTENT_STEP_CELLS).contains(&(c.cells - least)));
-        let cells = kept.map_or(least, |c| c.cells.min(shape.cells()));
-        let side = |v: f64, lowest: i32, current: Option<i32>| {
-            let west = v - f64::from(cells) / 2.0;
-            let current = current.filter(|c| (west - f64::from(*c)).abs() <= CENTRING_POSTS);
+        let cells = (steps * EXTENT_STEP_CELLS).min(shape.cells());
+        let side = |v: f64, lowest: i32| {
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "a post number: the eye is on the Earth, and float casts saturate"
             )]
-            let even = 2 * (west / 2.0).round() as i32;
-            let highest = lowest + shape.cells() - cells;
-            current.unwrap_or(even).clamp(lowest, highest)
+            let even = 2 * (0.5 * v - 0.25 * f64::from(cells)).round() as i32;
+            even.clamp(lowest, lowest + shape.cells() - cells)
         };
         let window = Window {
-            i: side(x, window.i, kept.map(|c| c.window.i)),
-            j: side(y, window.j, kept.map(|c| c.window.j)),
+            i: side(x, window.i),
+            j: side(y, window.j),
         };
         (Self { window, cells }, (x, y))
     }
@@ -222,7 +207,7 @@ pub fn blend_posts(shape: Shape, reach: f64) -> f64 {
 #[must_use]
 pub fn reach_under(shape: Shape, finer: f64) -> f64 {
     // Half of the finer one's widest extent, and what it and its centre may stand beside.
-    let hole = (finer + MORPH_LAG_POSTS + 1.0 + f64::from(EXTENT_STEP_CELLS)) / 2.0;
+    let hole = (finer + MORPH_LAG_POSTS + 1.0 + f64::from(EXTENT_STEP_CELLS) / 2.0) / 2.0;
     let clear = hole + CENTRING_POSTS;
     let least = clear + blend_posts(shape, 0.0);
     least.max((clear + MORPH_SHARE * (MORPH_LAG_POSTS + 1.0)) / (1.0 - MORPH_SHARE))
@@ -423,16 +408,14 @@ mod tests {
         #[test]
         fn what_is_drawn_nests_in_the_next_with_its_blend_complete_at_the_edge_and_nil_at_the_hole(
             shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64, share in 0.0..1.0_f64,
-            lag in (-1.5..1.5_f64, -1.5..1.5_f64), grown in 0.0..1.0_f64,
+            lag in (-1.5..1.5_f64, -1.5..1.5_f64),
         ) {
             let eye = |scale: f64| (x / scale, y / scale);
             let on = |scale: f64, reach: f64| {
-                // A window that has not moved yet, and an extent of a little earlier.
+                // A window that has not moved yet.
                 let window = Window::around(shape, x / scale + lag.0, y / scale + lag.1, None);
                 let window = Window::around(shape, x / scale, y / scale, Some(window));
-                let before = (reach + 3.0 * grown).min(reach_max(shape));
-                let (before, _) = Extent::around(shape, window, before, (x / scale + 0.3, y / scale - 0.4), None);
-                let (extent, around) = Extent::around(shape, window, reach, eye(scale), Some(before));
+                let (extent, around) = Extent::around(shape, window, reach, eye(scale));
                 (window, extent, Morph::new(shape, extent, around, reach))
             };
             let fine_reach = share * reach_max(shape);
@@ -465,7 +448,7 @@ mod tests {
             let w = Window { i: 0, j: 0 };
             let reach = share * reach_max(shape);
             let eye = (shape.half() + lag_x, shape.half() + lag_y);
-            let (extent, around) = Extent::around(shape, w, reach, eye, None);
+            let (extent, around) = Extent::around(shape, w, reach, eye);
             blended_at_the_edge(&extent, &Morph::new(shape, extent, around, reach))?;
         }
 

@@ -80,17 +80,6 @@ pub struct Reaches {
     pub finest_streamed: u8,
 }
 
-impl Default for Reaches {
-    /// Nothing is drawn yet.
-    fn default() -> Self {
-        Self {
-            posts: [0.0; LEVELS_MAX],
-            drawn: (0, 0),
-            finest_streamed: 0,
-        }
-    }
-}
-
 /// RMS error of each level as pictures show it, metres. See [`ERROR_SHARE`].
 #[must_use]
 pub fn errors_m(grid: Grid) -> [f64; LEVELS_MAX] {

@@ -85,9 +85,8 @@ pub struct Scene {
     anchor: Option<Anchor>,
     /// RMS error of each level as pictures show it, metres.
     errors_m: [f64; LEVELS_MAX],
-    reaches: Reaches,
-    /// What was last drawn of each level.
-    extents: [Option<Extent>; LEVELS_MAX],
+    /// Of the last frame; `None` before there was one in this partition.
+    reaches: Option<Reaches>,
     rings: Rings,
     tabled: ArrayVec<(u8, Window), LEVELS_MAX>,
     plan: Plan,
@@ -123,8 +122,7 @@ impl Scene {
             eye_posts: (0.0, 0.0),
             anchor: None,
             errors_m: reach::errors_m(grid),
-            reaches: Reaches::default(),
-            extents: [None; LEVELS_MAX],
+            reaches: None,
             rings: Rings::new(levels),
             tabled: ArrayVec::new(),
             plan: Plan {
@@ -173,6 +171,7 @@ impl Scene {
         self.partition = partition;
         self.streamer.enter(partition);
         self.longitude_deg = None;
+        self.reaches = None;
         self.anchor = None;
         self.figures = FrameFigures::default();
         self.clear();
@@ -195,11 +194,14 @@ impl Scene {
     /// Follows the eye, streams, and chooses the levels that can be drawn.
     fn stream(&mut self, camera: &Camera, quota: usize, sink: &mut dyn Sink) {
         let eye = self.follow(camera);
-        self.reaches = self.reaches(camera);
-        let (finest, coarsest) = (self.reaches.finest_streamed, self.reaches.drawn.1);
-        let uploads = self.streamer.step(eye, (finest, coarsest), quota, sink);
-        self.choose_levels();
-        self.report(uploads);
+        let last = self.reaches.unwrap_or_else(|| self.reaches(camera));
+        let streamed = (last.finest_streamed, last.drawn.1);
+        let uploads = self.streamer.step(eye, streamed, quota, sink);
+        // From what is resident now.
+        let reaches = self.reaches(camera);
+        self.reaches = Some(reaches);
+        self.choose_levels(&reaches);
+        self.report(reaches.drawn, uploads);
     }
 
     /// The plan of the last frame.
@@ -319,9 +321,9 @@ impl Scene {
     }
 
     /// The unbroken run of whole levels that nest, from the coarsest wanted one that is whole; finest first.
-    fn choose_levels(&mut self) {
+    fn choose_levels(&mut self, reaches: &Reaches) {
         let shape = self.settings.shape;
-        let wanted = self.reaches.drawn;
+        let wanted = reaches.drawn;
         let mut chain: ArrayVec<LevelPlan, LEVELS_MAX> = ArrayVec::new();
         for level in (wanted.0..=wanted.1).rev() {
             let Some(window) = self.streamer.window(level) else {
@@ -330,21 +332,19 @@ impl Scene {
                 }
                 break;
             };
-            let at = usize::from(level);
             // Without a coarser one there is nothing to blend into and nothing beyond.
             let reach = if chain.is_empty() {
                 clipmap::reach_max(shape)
             } else {
-                self.reaches.posts[at]
+                reaches.posts[usize::from(level)]
             };
             let eye = self.eye_on(level);
-            let (extent, around) = Extent::around(shape, window, reach, eye, self.extents[at]);
+            let (extent, around) = Extent::around(shape, window, reach, eye);
             if let Some(coarser) = chain.last()
                 && clipmap::hole(coarser.extent(), &coarser.morph, extent).is_none()
             {
                 break;
             }
-            self.extents[at] = Some(extent);
             chain.push(LevelPlan {
                 level,
                 window: extent.window,
@@ -485,8 +485,7 @@ impl Scene {
         }
     }
 
-    fn report(&mut self, uploads: Uploads) {
-        let wanted = self.reaches.drawn;
+    fn report(&mut self, wanted: (u8, u8), uploads: Uploads) {
         let levels = &self.plan.levels;
         self.figures = FrameFigures {
             triangles: 0,
