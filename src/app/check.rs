@@ -67,8 +67,12 @@ fn try_source(source: &SourceWish) -> Result<String, Failure> {
     let id = SourceId(0);
     let (handle, place) = match &source.endpoint {
         Endpoint::Udp { bind, allow } => (
-            sources::listen_udp(&source.name, id, source.protocol, *bind, allow.clone())?,
+            sources::listen_udp(&source.name, id, source.decoder(), *bind, allow.clone())?,
             format!("udp {bind}"),
+        ),
+        Endpoint::Serial { device, baud } => (
+            sources::listen_serial(&source.name, id, source.decoder(), device, *baud)?,
+            format!("serial {device} at {baud} bit/s"),
         ),
         Endpoint::Can { interface } => (
             sources::listen_can(&source.name, id, source.protocol, interface)?,

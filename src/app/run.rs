@@ -150,7 +150,10 @@ fn listen(board: &Board) -> Result<(Intake, Vec<SourceThread>), Failure> {
         let id = SourceId(u8::try_from(i).unwrap_or(u8::MAX));
         let handle = match &source.endpoint {
             Endpoint::Udp { bind, allow } => {
-                sources::listen_udp(&source.name, id, source.protocol, *bind, allow.clone())
+                sources::listen_udp(&source.name, id, source.decoder(), *bind, allow.clone())
+            }
+            Endpoint::Serial { device, baud } => {
+                sources::listen_serial(&source.name, id, source.decoder(), device, *baud)
             }
             Endpoint::Can { interface } => {
                 sources::listen_can(&source.name, id, source.protocol, interface)

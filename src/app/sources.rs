@@ -4,7 +4,7 @@ use super::error::{Failure, Kind};
 use crate::bus::{
     self, BAD_KINDS, BusError, Decode, Endpoint, SourceConfig, SourceHandle, SourceThread, Tally,
 };
-use crate::proto::{Counters, Fault, Protocol};
+use crate::proto::{Counters, Decoder, Fault, Protocol};
 use crate::signal::SourceId;
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
@@ -16,11 +16,29 @@ use std::net::{IpAddr, SocketAddr};
 pub fn listen_udp(
     name: &str,
     id: SourceId,
-    protocol: Protocol,
+    decoder: impl Into<Box<dyn Decoder>>,
     bind: SocketAddr,
     allow: Vec<IpAddr>,
 ) -> Result<SourceHandle, BusError> {
-    listen(name, id, protocol, Endpoint::Udp { bind, allow })
+    listen(name, id, decoder, Endpoint::Udp { bind, allow })
+}
+
+/// Listens to a serial port. See [`bus::spawn`].
+///
+/// # Errors
+/// When the port is missing, held, not permitted, none or too slow.
+pub fn listen_serial(
+    name: &str,
+    id: SourceId,
+    decoder: impl Into<Box<dyn Decoder>>,
+    device: &str,
+    baud: u32,
+) -> Result<SourceHandle, BusError> {
+    let endpoint = Endpoint::Serial {
+        device: device.to_owned(),
+        baud,
+    };
+    listen(name, id, decoder, endpoint)
 }
 
 /// Listens to a CAN interface, to the identifiers that the protocol has a use for. See [`bus::spawn`].
@@ -47,7 +65,7 @@ pub fn listen_can(
 pub fn listen(
     name: &str,
     id: SourceId,
-    protocol: Protocol,
+    decoder: impl Into<Box<dyn Decoder>>,
     endpoint: Endpoint,
 ) -> Result<SourceHandle, BusError> {
     let config = SourceConfig {
@@ -55,12 +73,11 @@ pub fn listen(
         id,
         endpoint,
     };
-    bus::spawn(config, decode(protocol))
+    bus::spawn(config, decode(decoder.into()))
 }
 
-/// A bus's view of a protocol's decoder.
-fn decode(protocol: Protocol) -> Decode {
-    let mut decoder = protocol.decoder();
+/// A bus's view of a decoder.
+fn decode(mut decoder: Box<dyn Decoder>) -> Decode {
     Box::new(move |frame, sink| {
         decoder.push(frame, &mut |signal| sink(signal));
         let counters = decoder.counters();

@@ -9,6 +9,7 @@
 pub mod can;
 pub mod input;
 pub mod loopback;
+mod serial;
 pub mod udp;
 
 use crate::limits::SIGNALS_QUEUED_MAX;
@@ -58,6 +59,13 @@ pub enum Endpoint {
         /// The identifiers that the kernel passes on, both 11-bit and 29-bit; empty means all.
         ids: &'static [u16],
     },
+    /// A serial port.
+    Serial {
+        /// Its path, as in `/dev/serial/by-id/usb-...`.
+        device: String,
+        /// Bits a second.
+        baud: u32,
+    },
     /// A CAN bus within this process.
     Loopback(loopback::Receiver),
 }
@@ -98,6 +106,45 @@ pub enum BusError {
         /// What the system said.
         source: io::Error,
     },
+    /// There is no such serial port.
+    SerialMissing {
+        /// Its path.
+        device: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Another program holds the serial port.
+    SerialHeld {
+        /// Its path.
+        device: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The program may not use the serial port.
+    SerialNotPermitted {
+        /// Its path.
+        device: String,
+        /// The group whose members may.
+        group: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The path is something else.
+    SerialNone {
+        /// The path.
+        device: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The port cannot be as fast or as slow.
+    SerialSpeed {
+        /// Its path.
+        device: String,
+        /// Bits a second.
+        baud: u32,
+        /// What the driver said.
+        source: io::Error,
+    },
     /// The program may not use the device.
     NotPermitted {
         /// The device.
@@ -123,6 +170,11 @@ impl BusError {
                 format!("udp {bind}")
             }
             Self::InterfaceMissing { interface, .. } => format!("can {interface}"),
+            Self::SerialMissing { device, .. }
+            | Self::SerialHeld { device, .. }
+            | Self::SerialNotPermitted { device, .. }
+            | Self::SerialNone { device, .. }
+            | Self::SerialSpeed { device, .. } => format!("serial {device}"),
             Self::NotPermitted { device, .. } | Self::Refused { device, .. } => device.clone(),
         }
     }
@@ -138,7 +190,13 @@ impl BusError {
                 format!("{} is no address of this machine", bind.ip())
             }
             Self::InterfaceMissing { .. } => "there is no such interface".to_owned(),
-            Self::NotPermitted { .. } => "this program may not use it".to_owned(),
+            Self::SerialMissing { .. } => "there is no such port".to_owned(),
+            Self::SerialHeld { .. } => "another program holds it".to_owned(),
+            Self::SerialNone { .. } => "it is no serial port".to_owned(),
+            Self::SerialSpeed { baud, .. } => format!("it cannot do {baud} bit/s"),
+            Self::SerialNotPermitted { .. } | Self::NotPermitted { .. } => {
+                "this program may not use it".to_owned()
+            }
             Self::Refused { .. } => "the system refused it".to_owned(),
         }
     }
@@ -150,6 +208,11 @@ impl BusError {
             Self::PortInUse { source, .. }
             | Self::AddressNotLocal { source, .. }
             | Self::InterfaceMissing { source, .. }
+            | Self::SerialMissing { source, .. }
+            | Self::SerialHeld { source, .. }
+            | Self::SerialNotPermitted { source, .. }
+            | Self::SerialNone { source, .. }
+            | Self::SerialSpeed { source, .. }
             | Self::NotPermitted { source, .. }
             | Self::Refused { source, .. } => source,
         }
@@ -172,6 +235,14 @@ impl BusError {
             Self::InterfaceMissing { interface, .. } => format!(
                 "connect the adapter, `glasswing list` names what is there, then: ip link set {interface} up type can bitrate 500000"
             ),
+            Self::SerialMissing { .. } | Self::SerialNone { .. } => {
+                "connect the adapter; `glasswing list` names what is there".to_owned()
+            }
+            Self::SerialHeld { device, .. } => {
+                format!("stop it, `fuser {device}` names it")
+            }
+            Self::SerialNotPermitted { group, .. } => format!("add the user to the group {group}"),
+            Self::SerialSpeed { .. } => "give the speed that its sender has".to_owned(),
             Self::NotPermitted { device, .. } if device.starts_with("/dev/input") => {
                 "add the user to the group input".to_owned()
             }
@@ -324,6 +395,7 @@ pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusEr
         Endpoint::Can { interface, ids } => {
             Box::new(can::Socket::open(interface, ids, Arc::clone(&figures))?)
         }
+        Endpoint::Serial { device, baud } => Box::new(serial::Port::open(device, baud)?),
         Endpoint::Loopback(receiver) => Box::new(receiver),
     };
     let stop = Arc::new(AtomicBool::new(false));

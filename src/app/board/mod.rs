@@ -10,7 +10,8 @@ use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;
 use crate::gl::look::Palette;
 use crate::limits::SOURCES_MAX;
-use crate::proto::{Carriage, Protocol};
+use crate::proto::fg_generic::{FgGeneric, Layout};
+use crate::proto::{Carriage, Decoder, Protocol};
 use crate::screen::{self, ModeWish, Wishes};
 use crate::units::{Knots, Radians};
 use reader::{Problem, Reader};
@@ -106,6 +107,8 @@ pub struct SourceWish {
     pub name: String,
     /// What it speaks.
     pub protocol: Protocol,
+    /// The text of the layout of its lines, where the protocol has one and the board names it; it is one that can be read.
+    pub layout: Option<String>,
     /// Where it is heard.
     pub endpoint: Endpoint,
 }
@@ -119,6 +122,13 @@ pub enum Endpoint {
         bind: SocketAddr,
         /// Senders that are listened to; empty means any that can reach the address.
         allow: Vec<IpAddr>,
+    },
+    /// A serial port.
+    Serial {
+        /// Its path.
+        device: String,
+        /// Bits a second.
+        baud: u32,
     },
     /// A CAN interface.
     Can {
@@ -247,7 +257,7 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
     let marks = read_airspeeds(&mut airspeeds, problems);
     let terrain_wish = read_terrain(&mut terrain, file, problems);
     let devices = input.flag("devices", problems);
-    let sources = read_sources(sources, problems);
+    let sources = read_sources(sources, file, problems);
     for part in [root, screen, view, units, airspeeds, terrain, input] {
         part.finish(problems);
     }
@@ -347,12 +357,13 @@ fn read_terrain(r: &mut Reader, file: &Path, problems: &mut Vec<Problem>) -> Opt
     })
 }
 
-fn read_sources(tables: Vec<Reader>, problems: &mut Vec<Problem>) -> Vec<SourceWish> {
+fn read_sources(tables: Vec<Reader>, file: &Path, problems: &mut Vec<Problem>) -> Vec<SourceWish> {
     let mut sources: Vec<SourceWish> = Vec::new();
     for mut r in tables {
         let name = r.text("name", problems);
         let protocol = r.choice("protocol", &Protocol::ALL.map(|p| (p.name(), p)), problems);
         let endpoint = read_endpoint(&mut r, protocol, problems);
+        let layout = read_layout(&mut r, protocol, file, problems);
         if let Some(name) = &name
             && sources.iter().any(|s| s.name == *name)
         {
@@ -367,6 +378,7 @@ fn read_sources(tables: Vec<Reader>, problems: &mut Vec<Problem>) -> Vec<SourceW
             sources.push(SourceWish {
                 name,
                 protocol,
+                layout,
                 endpoint,
             });
         }
@@ -392,31 +404,44 @@ fn read_endpoint(
         r.optional_parsed::<SocketAddr>("udp", "ADDRESS:PORT, as in 127.0.0.1:5500", problems);
     let allow = r.optional_list::<IpAddr>("allow", "an IP address", problems);
     let can = r.optional_text("can", problems);
-    let endpoint = match (udp, can) {
-        (Some(bind), None) => Endpoint::Udp { bind, allow },
-        (None, Some(interface)) => Endpoint::Can { interface },
-        (Some(_), Some(_)) => {
-            problems.push(Problem::new(
-                &r.path("can"),
-                "is given beside udp",
-                "give one of them",
-            ));
-            return None;
+    let serial = r.optional_text("serial", problems);
+    let baud = r.optional_number("baud", BAUD_RANGE, problems);
+    let mut given: Vec<(&str, Endpoint)> = Vec::new();
+    given.extend(udp.map(|bind| ("udp", Endpoint::Udp { bind, allow })));
+    given.extend(can.map(|interface| ("can", Endpoint::Can { interface })));
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "in BAUD_RANGE"
+    )]
+    let baud = baud.map_or(BAUD_DEFAULT, |b| b as u32);
+    given.extend(serial.map(|device| ("serial", Endpoint::Serial { device, baud })));
+    if let [(first, _), (second, _), ..] = &given[..] {
+        let why = format!("is given beside {first}");
+        problems.push(Problem::new(&r.path(second), why, "give one of them"));
+        return None;
+    }
+    let Some((_, endpoint)) = given.pop() else {
+        if !r.has_problem(problems) {
+            let todo = "give udp = \"ADDRESS:PORT\", can = \"INTERFACE\" or serial = \"/dev/...\"";
+            problems.push(Problem::new(&r.path(""), "has no endpoint", todo));
         }
-        (None, None) => {
-            if !r.has_problem(problems) {
-                let todo = "give udp = \"ADDRESS:PORT\" or can = \"INTERFACE\"";
-                problems.push(Problem::new(&r.path(""), "has no endpoint", todo));
-            }
-            return None;
-        }
+        return None;
     };
     let fits = protocol.is_none_or(|protocol| {
-        let over_can = protocol.carriage() == Carriage::Can;
-        over_can == matches!(endpoint, Endpoint::Can { .. })
+        matches!(
+            (protocol.carriage(), &endpoint),
+            (Carriage::Can, Endpoint::Can { .. })
+                | (Carriage::Packets | Carriage::Stream, Endpoint::Udp { .. })
+                | (Carriage::Stream, Endpoint::Serial { .. })
+        )
     });
     if !fits {
-        let todo = "can-fix and canaerospace come over can, the others over udp";
+        let todo = match protocol.map(Protocol::carriage) {
+            Some(Carriage::Can) => "give can = \"INTERFACE\"",
+            Some(Carriage::Packets) => "give udp = \"ADDRESS:PORT\"",
+            Some(Carriage::Stream) | None => "give serial = \"/dev/...\" or udp = \"ADDRESS:PORT\"",
+        };
         problems.push(Problem::new(
             &r.path("protocol"),
             "does not come over that bus",
@@ -425,6 +450,50 @@ fn read_endpoint(
         return None;
     }
     Some(endpoint)
+}
+
+/// Speeds of serial ports that are in use anywhere, bit/s, and the usual one.
+const BAUD_RANGE: std::ops::RangeInclusive<f64> = 300.0..=4_000_000.0;
+const BAUD_DEFAULT: u32 = 115_200;
+
+/// The layout of a source's lines: a file beside the board file, read and tried.
+fn read_layout(
+    r: &mut Reader,
+    protocol: Option<Protocol>,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<String> {
+    let name = r.optional_text("layout", problems)?;
+    let path = file.parent().unwrap_or(Path::new("")).join(&name);
+    let mut problem = |why: String, todo: &str| {
+        problems.push(Problem::new(&r.path("layout"), why, todo));
+        None
+    };
+    if protocol.is_some_and(|p| p != Protocol::FgGeneric) {
+        return problem("is for fg-generic only".to_owned(), "leave it out");
+    }
+    match std::fs::read_to_string(&path) {
+        Err(e) => problem(
+            format!("{} cannot be read: {e}", path.display()),
+            "name a protocol file of FlightGear, beside the board file or with its whole path",
+        ),
+        Ok(text) => match Layout::parse(&text) {
+            Err(e) => problem(format!("{} cannot be used: {e}", path.display()), e.todo()),
+            Ok(_) => Some(text),
+        },
+    }
+}
+
+impl SourceWish {
+    /// A fresh decoder of what it speaks.
+    #[must_use]
+    pub fn decoder(&self) -> Box<dyn Decoder> {
+        let layout = self.layout.as_deref().map(Layout::parse);
+        match layout {
+            Some(Ok(layout)) => Box::new(FgGeneric::new(layout)),
+            _ => self.protocol.decoder(),
+        }
+    }
 }
 
 #[cfg(test)]
