@@ -13,6 +13,9 @@ pub const SIGNALS_QUEUED_MAX: usize = 16_384;
 /// longest is 552.
 pub const DATAGRAM_BYTES_MAX: usize = 1472;
 
+/// The most bytes taken from a serial port at once: what the kernel holds of a line (4096, `N_TTY_BUF_SIZE`).
+pub const SERIAL_CHUNK_BYTES_MAX: usize = 4096;
+
 /// Clipmap levels: 0 to 9 from 3" posts, 0 to 11 from 1". The coarsest have posts half a degree apart: 127 of them, the
 /// fewest a board may ask for, reach 1000 km east and west at 70 degrees of latitude; the horizon from 20 km is at 505 km.
 pub const LEVELS_MAX: usize = 12;

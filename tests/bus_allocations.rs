@@ -4,6 +4,10 @@
     reason = "a helper that fails is a test that fails"
 )]
 
+mod bus_support;
+mod support;
+
+use bus_support::Line;
 use glasswing::app::intake::Intake;
 use glasswing::bus::{self, Decode, Endpoint, SourceConfig, Tally, loopback};
 use glasswing::heap::allocations_of_this_thread;
@@ -83,6 +87,21 @@ fn udp_to_state_allocates_nothing() {
     run(Protocol::FgFdm, endpoint, 500, &mut |_| {
         sender.send_to(&packet, bind).expect("sent");
     });
+}
+
+#[test]
+fn serial_to_state_allocates_nothing() {
+    let line = Line::new();
+    let endpoint = Endpoint::Serial {
+        path: line.path.clone(),
+        baud: 115_200,
+    };
+    // ForeFlight attitude: roll 10, pitch 5.
+    let message = [
+        0x7E, 0x65, 0x01, 0x00, 0x64, 0x00, 0x32, 0x84, 0xD2, 0x00, 0x5F, 0x00, 0x65, 0xB7, 0xEF,
+        0x7E,
+    ];
+    run(Protocol::Gdl90, endpoint, 500, &mut |_| line.send(&message));
 }
 
 #[test]

@@ -236,11 +236,9 @@ fn poles_and_extremes_give_finite_numbers() {
             "{lat} {lon}"
         );
         assert!(plan.origin_m.iter().all(|v| v.is_finite()), "{lat} {lon}");
-        for level in &plan.levels {
-            assert!(
-                level.depth.0.is_finite() && level.depth.1.is_finite(),
-                "{lat} {lon}"
-            );
+        for slice in plan.levels.iter().flat_map(|level| &level.slices) {
+            let depth = slice.depth;
+            assert!(depth.0.is_finite() && depth.1.is_finite(), "{lat} {lon}");
         }
     }
 }

@@ -39,7 +39,7 @@ fn ubx(class: u8, id: u8, payload: &[u8]) -> Vec<u8> {
     }
     let mut frame = vec![0xB5, 0x62];
     frame.extend(body);
-    frame.extend([(a % 256) as u8, (b % 256) as u8]);
+    frame.extend([a, b].map(|sum| sum.to_le_bytes()[0]));
     frame
 }
 

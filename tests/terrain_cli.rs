@@ -366,13 +366,42 @@ fn info_says_what_is_in_a_pack() {
 }
 
 #[test]
+fn a_reader_that_goes_away_is_no_failure_and_a_full_disk_is_one() {
+    let pack = pack("stdout");
+    let info = |stdout: Stdio| {
+        support::glasswing_command()
+            .args(["terrain", "info", text(&pack)])
+            .stdout(stdout)
+            .output()
+            .expect("the program starts")
+    };
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let unread = info(writer.into());
+    let complaint = String::from_utf8_lossy(&unread.stderr);
+    assert_eq!(unread.status.code(), Some(0), "{complaint}");
+    assert_eq!(complaint, "", "nobody is to be bothered");
+    let full = fs::OpenOptions::new()
+        .write(true)
+        .open("/dev/full")
+        .expect("Linux has it");
+    let full = info(full.into());
+    let complaint = String::from_utf8_lossy(&full.stderr);
+    assert_eq!(full.status.code(), Some(1), "{complaint}");
+    assert!(
+        complaint.starts_with("glasswing: standard output: "),
+        "{complaint}"
+    );
+}
+
+#[test]
 fn verify_names_every_damaged_tile() {
     let out = pack("verify");
     let sound = json(&["verify", text(&out), "--json"]);
     assert_eq!(sound["damaged"].as_array().map(Vec::len), Some(0));
     let mut bytes = fs::read(&out).expect("baked");
-    // Two places far apart among the tiles, which begin at byte 160.
-    bytes[300] ^= 4;
+    // Two places far apart among the tiles, which begin at byte 736.
+    bytes[900] ^= 4;
     bytes[20_000] ^= 4;
     let damaged = out.with_file_name("damaged.pack");
     fs::write(&damaged, &bytes).expect("written");
@@ -396,7 +425,7 @@ fn packs_that_are_none_are_named_with_what_to_do() {
     let mut newer = bytes.clone();
     newer[8] = 9;
     let mut older = bytes.clone();
-    older[8] = 1;
+    older[8] = 2;
     let mut header = bytes.clone();
     header[70] ^= 1;
     let mut index = bytes.clone();
@@ -406,11 +435,11 @@ fn packs_that_are_none_are_named_with_what_to_do() {
         (
             newer,
             &[
-                "written by a newer glasswing (format 9; this one reads up to 2)",
+                "written by a newer glasswing (format 9; this one reads up to 3)",
                 "update",
             ][..],
         ),
-        (older, &["has format 1", "bake it again from its sources"]),
+        (older, &["has format 2", "bake it again from its sources"]),
         (
             bytes[..bytes.len() - 1].to_vec(),
             &["cut short", "copy it again"],

@@ -213,6 +213,33 @@ fn an_eye_inside_the_ground_is_told() {
     );
 }
 
+/// What `glasswing shot` from an eye says is annunciated.
+fn annunciated(pack: &Path, eye: &str) -> serde_json::Value {
+    let output = support::glasswing_command()
+        .arg("shot")
+        .arg("--pack")
+        .arg(pack)
+        .args(["--eye", eye, "--size", "192x108", "--json", "--out"])
+        .arg(pack.with_extension("png"))
+        .output()
+        .expect("the program starts");
+    let complaint = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{complaint}");
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    report["annunciation"].clone()
+}
+
+#[test]
+fn a_shot_says_what_a_display_would() {
+    let pack = pack("shot_states", &[("N50E014", hills)]);
+    assert_eq!(
+        annunciated(&pack, "50.5,14.5,2000"),
+        serde_json::json!(null)
+    );
+    assert_eq!(annunciated(&pack, "50.5,14.5,20"), "BELOW GROUND");
+    assert_eq!(annunciated(&pack, "52.5,14.5,2000"), "OUTSIDE DATA");
+}
+
 #[test]
 fn a_camera_that_is_none_shows_no_terrain_and_the_next_good_one_does() {
     let mut stage = Stage::new(&pack("vision_nan", &[("N10E020", hills)]));

@@ -1,12 +1,12 @@
 //! `glasswing check`: everything that is wrong with a board file and its devices, in one go.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
 use crate::app::board::{Board, Endpoint, SourceWish};
 use crate::app::cockpit;
 use crate::app::error::Failure;
-use crate::app::sources;
-use crate::signal::SourceId;
-use std::path::PathBuf;
+use crate::app::out::say;
+use crate::app::{ports, sources};
+use crate::bus::{BusError, can};
+use std::path::{Path, PathBuf};
 
 /// Finds everything that is wrong with a board file and its devices
 #[derive(Debug, clap::Args)]
@@ -26,14 +26,14 @@ pub struct CheckArgs {
 /// Everything that is wrong: keys first; where those are good, terrain, sources and the screen.
 pub fn run(args: CheckArgs) -> Result<(), Vec<Failure>> {
     let board = Board::load(&args.board)?;
-    println!("{}: every key is good", args.board.display());
+    say!("{}: every key is good", args.board.display());
     let mut failures = Vec::new();
     let mut told = |what: String, outcome: Result<String, Failure>| match outcome {
-        Ok(good) => println!("{what}: {good}"),
+        Ok(good) => say!("{what}: {good}"),
         Err(failure) => failures.push(failure),
     };
     match &board.terrain.pack {
-        None => println!("terrain: none (no pack in the board file)"),
+        None => say!("terrain: none (no pack in the board file)"),
         Some(pack) => told(
             "terrain".into(),
             cockpit::open_pack(pack).map(|p| {
@@ -47,10 +47,13 @@ pub fn run(args: CheckArgs) -> Result<(), Vec<Failure>> {
         ),
     }
     if board.sources.is_empty() {
-        println!("sources: none (the board file names none; nothing but flags will be shown)");
+        say!("sources: none (the board file names none; nothing but flags will be shown)");
     }
-    for source in &board.sources {
-        told(format!("source {}", source.name), try_source(source));
+    for (i, source) in board.sources.iter().enumerate() {
+        told(
+            format!("source {}", source.name),
+            try_source(&board, i, source),
+        );
     }
     told(
         "screen".into(),
@@ -63,25 +66,25 @@ pub fn run(args: CheckArgs) -> Result<(), Vec<Failure>> {
     }
 }
 
-fn try_source(source: &SourceWish) -> Result<String, Failure> {
-    let id = SourceId(0);
-    let (handle, place) = match &source.endpoint {
-        Endpoint::Udp { bind, allow } => (
-            sources::listen_udp(&source.name, id, source.decoder(), *bind, allow.clone())?,
-            format!("udp {bind}"),
-        ),
-        Endpoint::Serial { device, baud } => (
-            sources::listen_serial(&source.name, id, source.decoder(), device, *baud)?,
-            format!("serial {device} at {baud} bit/s"),
-        ),
-        Endpoint::Can { interface } => (
-            sources::listen_can(&source.name, id, source.protocol, interface)?,
-            interface.clone(),
-        ),
-    };
-    drop(handle);
-    Ok(format!(
-        "{} on {place} can be heard",
-        source.protocol.name()
-    ))
+fn try_source(board: &Board, index: usize, source: &SourceWish) -> Result<String, Failure> {
+    drop(sources::listen_to(board, index, source)?);
+    let protocol = source.protocol.name();
+    let endpoint = &source.endpoint;
+    let mut advice = String::new();
+    match endpoint {
+        // It can be opened all the same, and `run` waits for it to be switched on.
+        Endpoint::Can { interface } if can::is_up(interface) == Some(false) => {
+            let interface = interface.clone();
+            let down = BusError::InterfaceDown { interface };
+            return Err(sources::refusal(board, index, source, down));
+        }
+        Endpoint::Serial { path, .. } => {
+            if let Some(name) = ports::lasting_name(Path::new(path)) {
+                let name = name.display();
+                advice = format!("; {name} is its name however often it is plugged in");
+            }
+        }
+        _ => {}
+    }
+    Ok(format!("{protocol} on {endpoint} can be heard{advice}"))
 }

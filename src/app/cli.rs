@@ -1,7 +1,7 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, demo, list, measure, run, shot, terrain};
+use crate::app::{check, decode, demo, list, measure, out, run, shot, terrain};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -69,7 +69,7 @@ pub fn main() -> ExitCode {
         Command::List(args) => list::run(args).map_err(|f| vec![f]),
         Command::Measure(command) => measure::run(command).map_err(|f| vec![f]),
     };
-    match outcome {
+    match outcome.and_then(|()| out::outcome().map_err(|f| vec![f])) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failures) => complain(&failures),
     }

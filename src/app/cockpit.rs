@@ -27,9 +27,6 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// A level whose cells are all smaller than this many pixels is not drawn: it would cost triangles that nobody can see.
-const CELL_PIXELS_MIN: f64 = 1.0;
-
 /// What one frame did.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Drawn {
@@ -92,7 +89,7 @@ impl Cockpit {
     ) -> Result<Self, MakeError> {
         let settings = Settings {
             shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
-            cell_pixels_min: CELL_PIXELS_MIN,
+            target_px: board.terrain.target_px,
             ..Settings::default()
         };
         let vision = pack
@@ -180,7 +177,8 @@ impl Cockpit {
         };
         self.ui.terrain_caution = None;
         let model = Model::build(state, &self.ui, &self.config, now);
-        (model, self.camera(&model))
+        let camera = self.camera(&model);
+        (model, camera)
     }
 
     /// The camera of synthetic vision, if everything that it needs may be shown.

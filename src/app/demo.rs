@@ -1,6 +1,5 @@
 //! `glasswing demo`: a synthetic alpine valley and a flight through it, sent as CANaerospace frames through the real
 //! decoder and state: over `vcan0` where the machine has it, else over a bus within the process.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
 use crate::app::board::{Airspeeds, Board};
 use crate::app::cockpit::{self, Cockpit};
@@ -11,6 +10,7 @@ use crate::app::fly::{self, Every, Plan};
 use crate::app::frames::FrameWriter;
 use crate::app::health::Pulse;
 use crate::app::intake::Intake;
+use crate::app::out::say;
 use crate::app::picture::{Effort, Size, write_png};
 use crate::app::run::{seconds, stop_on_signals, with_sources, write_json};
 use crate::app::sources;
@@ -157,7 +157,7 @@ fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failur
         return still(args, screen.as_mut(), &mut cockpit, &flight, t, &stop);
     }
     let bus = Bus::open(&flight)?;
-    println!(
+    say!(
         "flying {} s: sensors on the bus {}, picture on {}",
         args.seconds.as_secs_f64(),
         bus.place,
@@ -205,7 +205,7 @@ fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failur
         summary["contact_sheet"] = json!(sheet.display().to_string());
     }
     write_json(&args.out.join("summary.json"), &summary)?;
-    println!(
+    say!(
         "{} frames; what was drawn and how long it took: {}",
         figures.frames(),
         args.out.display()

@@ -52,11 +52,15 @@ pub struct Health {
 }
 
 impl Health {
-    /// Starts it. Without systemd (no `NOTIFY_SOCKET`) the notifications go nowhere.
+    /// Starts it; `look` is called each time, for what else is worth a look now and then. Without systemd (no
+    /// `NOTIFY_SOCKET`) the notifications go nowhere.
     ///
     /// # Errors
     /// When the system has no room for a thread.
-    pub fn start(pulse: Arc<Pulse>) -> std::io::Result<Self> {
+    pub fn start(
+        pulse: Arc<Pulse>,
+        mut look: impl FnMut() + Send + 'static,
+    ) -> std::io::Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let seen = Arc::clone(&stop);
         let thread = std::thread::Builder::new()
@@ -77,6 +81,7 @@ impl Health {
                         }
                         None => {}
                     }
+                    look();
                     std::thread::park_timeout(LOOK_EVERY);
                 }
                 let _ = sd_notify::notify(&[sd_notify::NotifyState::Stopping]);

@@ -2,14 +2,14 @@
 //!
 //! Nothing is opened for longer than the question takes, and what cannot be asked says why.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::{Failure, Kind};
+use super::{Failure, Kind, out, ports};
 use crate::gl::Gpu;
 use crate::screen::{self, Screen, ScreenError};
 
@@ -31,6 +31,7 @@ struct Inventory {
     cards: Vec<Card>,
     can: Vec<Can>,
     serial: Vec<String>,
+    serial_names: BTreeMap<String, String>,
     input: Vec<Input>,
     gl: Vec<Renderer>,
 }
@@ -107,33 +108,23 @@ struct Renderer {
 /// # Errors
 /// [`Failure`] if standard output cannot be written to.
 pub fn run(args: ListArgs) -> Result<(), Failure> {
+    let serial = serial_ports();
     let inventory = Inventory {
         cards: cards(),
         can: can_interfaces(Path::new("/sys/class/net")),
-        serial: serial_ports(),
+        serial_names: serial_names(&serial),
+        serial,
         input: input_devices(),
         gl: renderers(),
     };
-    let unwritable = |e: io::Error| {
-        Failure::new(
-            Kind::Other,
-            "standard output",
-            e,
-            "send it to a file or a terminal",
-        )
-    };
     let text = if args.json {
-        let json = serde_json::to_string_pretty(&inventory)
-            .map_err(|e| unwritable(io::Error::other(e)))?;
-        json + "\n"
+        let json = serde_json::to_string_pretty(&inventory);
+        json.map_err(|e| Failure::new(Kind::Other, "the list", e, "leave out --json"))? + "\n"
     } else {
         in_words(&inventory)
     };
-    match io::stdout().lock().write_all(text.as_bytes()) {
-        // Whoever read it has seen enough.
-        Err(e) if e.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        other => other.map_err(unwritable),
-    }
+    out::write(format_args!("{text}"));
+    Ok(())
 }
 
 #[cfg(feature = "kms")]
@@ -214,13 +205,17 @@ fn can_interfaces(net: &Path) -> Vec<Can> {
 }
 
 fn serial_ports() -> Vec<String> {
-    let mut ports: Vec<String> = serialport::available_ports()
-        .unwrap_or_default()
-        .into_iter()
-        .map(|port| port.port_name)
-        .collect();
-    ports.sort();
-    ports
+    let paths = ports::all().into_iter();
+    paths.map(|path| path.display().to_string()).collect()
+}
+
+/// The names that ports keep when they are plugged in again, by path; few have one.
+fn serial_names(ports: &[String]) -> BTreeMap<String, String> {
+    let names = ports.iter().filter_map(|port| {
+        let name = ports::lasting_name(Path::new(port))?;
+        Some((port.clone(), name.display().to_string()))
+    });
+    names.collect()
 }
 
 fn input_devices() -> Vec<Input> {
@@ -318,7 +313,10 @@ fn in_words(all: &Inventory) -> String {
         format!("{}  {up}{fd}, {}\n", can.name, can.driver)
     });
     section(&mut out, "Serial ports", &all.serial, |port| {
-        format!("{port}\n")
+        let name = all.serial_names.get(port);
+        format!("{port}  {}\n", name.map_or("", String::as_str))
+            .trim_end()
+            .to_owned()
     });
     section(&mut out, "Input devices", &all.input, input_in_words);
     section(
@@ -388,6 +386,7 @@ mod tests {
             cards: Vec::new(),
             can: Vec::new(),
             serial: Vec::new(),
+            serial_names: BTreeMap::new(),
             input: Vec::new(),
             gl: Vec::new(),
         });

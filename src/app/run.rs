@@ -1,6 +1,6 @@
 //! `glasswing run`: flies with a board file until told to stop.
 
-use crate::app::board::{Board, Endpoint};
+use crate::app::board::Board;
 use crate::app::cockpit::{self, Cockpit};
 use crate::app::error::{Failure, Kind};
 use crate::app::fly::{self, Every, Plan};
@@ -8,11 +8,10 @@ use crate::app::frames::FrameWriter;
 use crate::app::health::{Health, Pulse};
 use crate::app::intake::Intake;
 use crate::app::picture::Size;
-use crate::app::sources;
+use crate::app::sources::{self, Watch};
 use crate::bus::input::{InputEvent, InputThread};
 use crate::bus::{self, SourceThread};
 use crate::screen::Screen;
-use crate::signal::SourceId;
 use crate::state::Fusion;
 use crate::time::Monotonic;
 use serde_json::Value;
@@ -99,7 +98,9 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
     let frames = frame_writer(&args, screen.as_ref(), started)?;
     let (mut actions, _input) = listen_to_pilot(board);
     let pulse = Arc::new(Pulse::default());
-    let health = Health::start(Arc::clone(&pulse)).map_err(Failure::no_thread)?;
+    let mut watch = Watch::new(&sources);
+    let health =
+        Health::start(Arc::clone(&pulse), move || watch.look()).map_err(Failure::no_thread)?;
     let plan = Plan {
         stop,
         duration: args.seconds,
@@ -146,22 +147,10 @@ fn listen(board: &Board) -> Result<(Intake, Vec<SourceThread>), Failure> {
     let mut threads = Vec::new();
     let mut ids = Vec::new();
     for (i, source) in board.sources.iter().enumerate() {
-        // A board file has at most SOURCES_MAX sources, which fit a byte.
-        let id = SourceId(u8::try_from(i).unwrap_or(u8::MAX));
-        let handle = match &source.endpoint {
-            Endpoint::Udp { bind, allow } => {
-                sources::listen_udp(&source.name, id, source.decoder(), *bind, allow.clone())
-            }
-            Endpoint::Serial { device, baud } => {
-                sources::listen_serial(&source.name, id, source.decoder(), device, *baud)
-            }
-            Endpoint::Can { interface } => {
-                sources::listen_can(&source.name, id, source.protocol, interface)
-            }
-        }?;
+        let handle = sources::listen_to(board, i, source)?;
+        ids.push(handle.thread.id());
         rings.push(handle.signals);
         threads.push(handle.thread);
-        ids.push(id);
     }
     Ok((Intake::new(rings, Fusion::new(&ids)), threads))
 }

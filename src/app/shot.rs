@@ -1,12 +1,12 @@
 //! `glasswing shot`: one settled picture of a pack, and the distances behind its pixels.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
 use crate::angle::{wrap_signed, wrap_turn};
 use crate::app::cockpit;
 use crate::app::error::{Failure, Kind};
 use crate::app::instruments::{Instruments, InstrumentsError};
+use crate::app::out::say;
 use crate::app::picture::{Effort, Size, write_png};
-use crate::app::vision::Dress;
+use crate::app::vision::{Dress, Shown};
 use crate::display::{Config, Model, Terrain, Ui};
 use crate::geo::{Attitude, Camera, EYE_HEIGHT_M, Geodetic};
 use crate::gl::globe::ALONE_FROM;
@@ -20,7 +20,8 @@ use crate::screen::{self, Screen};
 use crate::signal::{Parameter, SourceId};
 use crate::state::FlightState;
 use crate::terrain::pack::Pack;
-use crate::terrain::scene::{FrameFigures, Settings};
+use crate::terrain::reach::TARGET_PX;
+use crate::terrain::scene::{self, FrameFigures, Settings};
 use crate::time::Monotonic;
 use crate::units::Radians;
 use serde::Serialize;
@@ -89,12 +90,26 @@ pub struct ShotArgs {
     /// For eyes used to daylight, or to the dark: terrain and sky a third as bright
     #[arg(long, value_enum, default_value_t = Light::Day)]
     pub palette: Light,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: the board's terrain.target_px,
+    /// 0.05 to 4. Coarser draws fewer triangles
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = parse_target)]
+    pub target_px: f64,
     /// What draws
     #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
     pub backend: Backend,
     /// Print figures of the frame as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// A target for the error.
+///
+/// # Errors
+/// With what is asked for instead.
+pub(super) fn parse_target(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|v| TARGET_PX.contains(v));
+    let (least, most) = (TARGET_PX.start(), TARGET_PX.end());
+    number.ok_or_else(|| format!("a number of pixels from {least} to {most} is needed"))
 }
 
 /// For which eyes a picture is.
@@ -142,6 +157,7 @@ impl FromStr for Triple {
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct Report {
+    target_px: f64,
     triangles: usize,
     draw_calls: usize,
     levels: usize,
@@ -154,6 +170,9 @@ struct Report {
     uploads_bytes: usize,
     resident_bytes: usize,
     damaged_tiles: u32,
+    /// What a display would say of this terrain; absent where there is nothing to say.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    annunciation: Option<&'static str>,
     width: u32,
     height: u32,
     gpu: String,
@@ -166,17 +185,20 @@ struct Report {
 pub fn run(args: ShotArgs) -> Result<(), Failure> {
     let camera = camera(&args)?;
     let pack = cockpit::open_pack(&args.pack)?;
-    let model = model(&camera, &pack);
+    let pack = Arc::new(pack);
     let screen = open(args.backend, args.size)?;
     let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gpu_failure(&e))?;
-    let mut studio = Studio::new(&gpu, pack, args.size).map_err(|e| gpu_failure(&e))?;
-    // From where an instrument would have to say that it has no height, the view goes without.
-    studio.has_instruments = model.svs.is_ok();
-    studio.instruments.list(&model);
+    let mut studio = Studio::new(&gpu, Arc::clone(&pack), &args).map_err(|e| gpu_failure(&e))?;
     let settled = studio.settle(&camera)?;
+    studio.shown = Shown::assess(&studio.scenery, &pack, &camera, &settled.figures);
+    // From where an instrument would have to say that it has no height, the view goes without.
+    studio.has_instruments = model(&camera, &pack, Shown::WELL).svs.is_ok();
+    studio
+        .instruments
+        .list(&model(&camera, &pack, studio.shown));
     let report = studio.picture(&camera, &args, settled)?;
     if args.json {
-        println!("{}", serde_json::json!(report));
+        say!("{}", serde_json::json!(report));
     }
     Ok(())
 }
@@ -218,7 +240,7 @@ fn camera(args: &ShotArgs) -> Result<Camera, Failure> {
 }
 
 /// What the instruments show over the picture: position and attitude are known, nothing else is.
-fn model(camera: &Camera, pack: &Pack) -> Model {
+fn model(camera: &Camera, pack: &Pack, shown: Shown) -> Model {
     let now = Monotonic::read();
     let (eye, attitude) = (camera.eye, camera.attitude);
     let mut state = FlightState::empty();
@@ -242,7 +264,8 @@ fn model(camera: &Camera, pack: &Pack) -> Model {
         );
     }
     let ui = Ui {
-        terrain: Terrain::Ready,
+        terrain: shown.terrain,
+        terrain_caution: shown.caution,
         ..Ui::default()
     };
     let config = Config {
@@ -296,6 +319,7 @@ struct Studio {
     scenery: Scenery,
     instruments: Instruments,
     has_instruments: bool,
+    shown: Shown,
     target: Target,
     size: Size,
 }
@@ -311,12 +335,18 @@ enum StudioError {
 }
 
 impl Studio {
-    fn new(gpu: &Rc<Gpu>, pack: Pack, size: Size) -> Result<Self, StudioError> {
+    fn new(gpu: &Rc<Gpu>, pack: Arc<Pack>, args: &ShotArgs) -> Result<Self, StudioError> {
+        let size = args.size;
+        let settings = Settings {
+            target_px: args.target_px,
+            ..Settings::default()
+        };
         Ok(Self {
             gpu: Rc::clone(gpu),
-            scenery: Scenery::new(gpu, Settings::default(), Arc::new(pack))?,
+            scenery: Scenery::new(gpu, settings, pack)?,
             instruments: Instruments::new(gpu, size)?,
             has_instruments: true,
+            shown: Shown::WELL,
             target: Target::offscreen(gpu, size.width_px, size.height_px, SAMPLES)?,
             size,
         })
@@ -391,6 +421,7 @@ impl Studio {
         let figures = settled.figures;
         let damage = figures.damage;
         Ok(Report {
+            target_px: args.target_px,
             triangles: figures.triangles,
             draw_calls,
             levels: figures
@@ -405,6 +436,7 @@ impl Studio {
             uploads_bytes: settled.uploads_bytes,
             resident_bytes: figures.resident_bytes,
             damaged_tiles: damage.checksum + damage.content + damage.reading,
+            annunciation: self.shown.label(),
             width: self.size.width_px,
             height: self.size.height_px,
             gpu: self.gpu.caps().renderer.clone(),
@@ -428,11 +460,16 @@ impl Studio {
             look.haze_m = Look::BARE.haze_m;
             return self.scenery.draw(camera, &look, false);
         }
-        let draw_calls = self.scenery.draw(camera, &look, true);
+        // As in flight: where terrain may not be shown, the instruments bring the plain horizon.
+        let mut draw_calls = 0;
+        if self.shown.terrain == Terrain::Ready || !self.has_instruments {
+            draw_calls += self.scenery.draw(camera, &look, true);
+        }
         if self.has_instruments {
             self.instruments.draw();
+            draw_calls += 1;
         }
-        draw_calls + usize::from(self.has_instruments)
+        draw_calls
     }
 
     /// Distances from the eye, metres, rows from the top; +infinity for sky. Where the Earth is in one piece these are of

@@ -1,13 +1,45 @@
 //! Where buses meet protocols: starts the listening thread of each source.
 
+use super::board::{self, Board, SourceWish};
 use super::error::{Failure, Kind};
 use crate::bus::{
-    self, BAD_KINDS, BusError, Decode, Endpoint, SourceConfig, SourceHandle, SourceThread, Tally,
+    self, BAD_KINDS, BusError, Decode, Endpoint, Event, Link, SourceConfig, SourceFigures,
+    SourceHandle, SourceThread, Tally,
 };
 use crate::proto::{Counters, Decoder, Fault, Protocol};
 use crate::signal::SourceId;
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+
+/// Listens to a source of a board file, the one at `index` of its list. See [`bus::spawn`].
+///
+/// # Errors
+/// When it cannot be opened; names the file and the key.
+pub fn listen_to(board: &Board, index: usize, wish: &SourceWish) -> Result<SourceHandle, Failure> {
+    // A board file has at most SOURCES_MAX sources, which fit a byte.
+    let id = SourceId(u8::try_from(index).unwrap_or(u8::MAX));
+    let (name, protocol) = (wish.name.as_str(), wish.protocol);
+    let decoder = wish.decoder();
+    let opened = match &wish.endpoint {
+        board::Endpoint::Udp { bind, allow } => listen_udp(name, id, decoder, *bind, allow.clone()),
+        board::Endpoint::Can { interface } => listen_can(name, id, protocol, interface),
+        board::Endpoint::Serial { path, baud } => listen_serial(name, id, decoder, path, *baud),
+    };
+    opened.map_err(|e| refusal(board, index, wish, e))
+}
+
+/// A source that refuses, as the failure that names file and key.
+#[must_use]
+pub fn refusal(board: &Board, index: usize, wish: &SourceWish, e: BusError) -> Failure {
+    let key = match &e {
+        BusError::SpeedRefused { .. } => "baud",
+        _ => wish.endpoint.key(),
+    };
+    let file = board.file.display();
+    let what = format!("{file}: source[{index}].{key}: {}", e.what());
+    failure(what, e)
+}
 
 /// Listens to a UDP socket. See [`bus::spawn`].
 ///
@@ -21,24 +53,6 @@ pub fn listen_udp(
     allow: Vec<IpAddr>,
 ) -> Result<SourceHandle, BusError> {
     listen(name, id, decoder, Endpoint::Udp { bind, allow })
-}
-
-/// Listens to a serial port. See [`bus::spawn`].
-///
-/// # Errors
-/// When the port is missing, held, not permitted, none or too slow.
-pub fn listen_serial(
-    name: &str,
-    id: SourceId,
-    decoder: impl Into<Box<dyn Decoder>>,
-    device: &str,
-    baud: u32,
-) -> Result<SourceHandle, BusError> {
-    let endpoint = Endpoint::Serial {
-        device: device.to_owned(),
-        baud,
-    };
-    listen(name, id, decoder, endpoint)
 }
 
 /// Listens to a CAN interface, to the identifiers that the protocol has a use for. See [`bus::spawn`].
@@ -56,6 +70,21 @@ pub fn listen_can(
         ids: protocol.can_ids(),
     };
     listen(name, id, protocol, endpoint)
+}
+
+/// Listens to a serial port. See [`bus::spawn`].
+///
+/// # Errors
+/// When it is missing, held by another program, refused, or does not have the speed.
+pub fn listen_serial(
+    name: &str,
+    id: SourceId,
+    decoder: impl Into<Box<dyn Decoder>>,
+    path: &str,
+    baud: u32,
+) -> Result<SourceHandle, BusError> {
+    let path = path.to_owned();
+    listen(name, id, decoder, Endpoint::Serial { path, baud })
 }
 
 /// Listens to any endpoint. See [`bus::spawn`].
@@ -103,21 +132,68 @@ const _: () = assert!(
 #[must_use]
 pub fn to_json(source: &SourceThread) -> Value {
     let f = source.figures().snapshot();
-    let kinds: serde_json::Map<String, Value> = Fault::ALL
-        .iter()
-        .zip(f.bad_by_kind)
-        .filter(|(_, n)| *n > 0)
-        .map(|(fault, n)| (fault.name().to_owned(), n.into()))
-        .collect();
+    let counted = |names: &mut dyn Iterator<Item = (&'static str, u64)>| -> Value {
+        names
+            .filter(|(_, n)| *n > 0)
+            .map(|(name, n)| (name.to_owned(), n.into()))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    };
+    let kinds = Fault::ALL.iter().map(|fault| fault.name());
+    let kinds = kinds.zip(f.bad_by_kind);
+    let mut kinds = kinds.chain([("oversized", f.oversized)]);
+    let mut events = Event::ALL.iter().map(|e| e.name()).zip(f.events);
     json!({
-        "name": source.name(), "good": f.good, "bad": f.bad, "bad_by_kind": kinds,
-        "ignored": f.ignored, "dropped": f.dropped, "reopened": f.reopened,
-        "device_faults": f.faults, "foreign": f.foreign,
+        "name": source.name(), "state": f.link.name(),
+        "good": f.good, "bad": f.bad, "bad_by_kind": counted(&mut kinds),
+        "ignored": f.ignored, "kept_away": source.kept_away(), "foreign": f.foreign,
+        "dropped": f.dropped, "reopened": f.reopened,
+        "device_faults": f.faults, "device_events": counted(&mut events),
     })
+}
+
+/// Says in the log how devices fare, whenever that changes.
+#[derive(Debug)]
+pub struct Watch {
+    rows: Vec<(String, Arc<SourceFigures>, Link)>,
+}
+
+impl Watch {
+    /// Over these sources, which are open now.
+    #[must_use]
+    pub fn new(sources: &[SourceThread]) -> Self {
+        let row = |s: &SourceThread| (s.name().to_owned(), Arc::clone(s.figures()), Link::Open);
+        Self {
+            rows: sources.iter().map(row).collect(),
+        }
+    }
+
+    /// Looks at all of them once.
+    pub fn look(&mut self) {
+        for (name, figures, known) in &mut self.rows {
+            let link = figures.link();
+            if link == *known {
+                continue;
+            }
+            *known = link;
+            match link {
+                Link::Open => tracing::info!("source {name}: open again"),
+                _ => tracing::warn!("source {name}: {}", link.name()),
+            }
+        }
+    }
 }
 
 impl From<BusError> for Failure {
     fn from(e: BusError) -> Self {
-        Self::new(Kind::Device, e.what(), e.why(), e.todo()).caused_by(e.into_source())
+        failure(e.what(), e)
+    }
+}
+
+fn failure(what: String, e: BusError) -> Failure {
+    let failure = Failure::new(Kind::Device, what, e.why(), e.todo());
+    match e.into_source() {
+        Some(source) => failure.caused_by(source),
+        None => failure,
     }
 }

@@ -1,10 +1,7 @@
 //! `glasswing terrain`: bake, synth, info, verify, height.
-#![expect(
-    clippy::print_stdout,
-    clippy::print_stderr,
-    reason = "the command's output, and warnings beside it"
-)]
+#![expect(clippy::print_stderr, reason = "warnings beside the output")]
 
+use crate::app::out::say;
 use crate::app::{Failure, Kind, terrain_info};
 use crate::terrain::bake::{self, BakeError, Heights, Seam};
 use crate::terrain::codec::{SurfaceKind, Tile};
@@ -199,13 +196,13 @@ fn bake(args: &BakeArgs) -> Result<(), Failure> {
     for seam in &report.seams {
         warn_seam(seam);
     }
-    println!("{}: {}", args.out.display(), summary(&report.info));
+    say!("{}: {}", args.out.display(), summary(&report.info));
     Ok(())
 }
 
 fn synth(args: &SynthArgs) -> Result<(), Failure> {
     let info = synthesise(&args.out, args.seed)?;
-    println!("{}: {}", args.out.display(), summary(&info));
+    say!("{}: {}", args.out.display(), summary(&info));
     Ok(())
 }
 
@@ -344,16 +341,16 @@ fn verify(args: &PackArgs) -> Result<(), Failure> {
                 })
             })
             .collect();
-        println!(
+        say!(
             "{}",
             json!({"pack": args.pack.display().to_string(), "tiles": pack.info().tiles, "damaged": list})
         );
     } else {
         for (key, why) in &damaged {
-            println!("{key}: {why}");
+            say!("{key}: {why}");
         }
         if damaged.is_empty() {
-            println!(
+            say!(
                 "{}: all {} tiles are sound",
                 args.pack.display(),
                 pack.info().tiles
@@ -382,7 +379,7 @@ fn height(args: &HeightArgs) -> Result<(), Failure> {
         .at(latitude, longitude)
         .map_err(|e| height_failure(args, &pack, e))?;
     if args.json {
-        println!(
+        say!(
             "{}",
             json!({
                 "latitude": latitude,
@@ -400,9 +397,10 @@ fn height(args: &HeightArgs) -> Result<(), Failure> {
             (false, true) => " (water)",
             (false, false) => "",
         };
-        println!(
+        say!(
             "{:.2} m above the ellipsoid, {:.2} m above EGM96, level 0{mark}",
-            ground.height_ellipsoid.0, ground.height_orthometric.0
+            ground.height_ellipsoid.0,
+            ground.height_orthometric.0
         );
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! `glasswing terrain info`: what is in a pack.
-#![expect(clippy::print_stdout, reason = "the command's output")]
 
+use crate::app::out::say;
 use crate::app::terrain::PackArgs;
 use crate::terrain::pack::{Bounds, Pack};
 use crate::terrain::partition::Partition;
@@ -40,8 +40,11 @@ fn bits_per_sample(bytes: u64, posts: u64) -> f64 {
     }
 }
 
+/// Of the finest level.
 fn max_error_m(pack: &Pack, partition: Partition) -> f32 {
-    let keys = pack.keys().filter(|k| k.partition == partition);
+    let keys = pack
+        .keys()
+        .filter(|k| k.partition == partition && k.level == 0);
     let headers = keys.filter_map(|k| pack.tile_header(k));
     headers.map(|h| h.max_error_m).fold(0.0, f32::max)
 }
@@ -49,20 +52,25 @@ fn max_error_m(pack: &Pack, partition: Partition) -> f32 {
 /// Prints what is in a pack.
 pub fn print(pack: &Pack, args: &PackArgs) {
     if args.json {
-        println!("{}", info_json(&args.pack, pack));
+        say!("{}", info_json(&args.pack, pack));
     } else {
         print_text(&args.pack, pack);
     }
 }
 
-fn levels_json(pack: &Pack, levels: &[LevelSummary]) -> Vec<Value> {
+fn levels_json(pack: &Pack, partition: Partition, levels: &[LevelSummary]) -> Vec<Value> {
     std::iter::zip(0_u8.., levels)
         .map(|(level, s)| {
+            let error = pack.info().level_error(partition, level);
             json!({
                 "level": level,
                 "spacing_deg": pack.info().grid.spacing_deg(level),
                 "tiles": s.tiles,
                 "bytes": s.bytes,
+                "rms_error_m": error.map(|e| e.rms_m),
+                "max_error_m": error.map(|e| e.max_m),
+                "low_m": error.map(|e| e.low_m),
+                "summit_low_m": error.map(|e| e.summit_low_m),
             })
         })
         .collect()
@@ -74,7 +82,7 @@ fn info_json(path: &Path, pack: &Pack) -> Value {
         .map(|partition| {
             json!({
                 "partition": partition.name(),
-                "levels": levels_json(pack, &level_summaries(pack, partition)),
+                "levels": levels_json(pack, partition, &level_summaries(pack, partition)),
                 "max_error_m": max_error_m(pack, partition),
             })
         })
@@ -90,7 +98,7 @@ fn info_json(path: &Path, pack: &Pack) -> Value {
         "pack": path.display().to_string(),
         "version": info.version,
         "posts_per_degree": info.grid.posts_per_degree,
-        "levels": levels_json(pack, &geographic),
+        "levels": levels_json(pack, Partition::Geographic, &geographic),
         "partitions": partitions,
         "bounds": bounds_json(&info.bounds),
         "unit_m": info.unit_m,
@@ -118,23 +126,29 @@ fn print_text(path: &Path, pack: &Pack) {
     let b = &info.bounds;
     let geographic = level_summaries(pack, Partition::Geographic);
     let all: u64 = geographic.iter().map(|l| l.bytes).sum();
-    println!("{}: terrain pack, format {}", path.display(), info.version);
-    println!(
+    say!("{}: terrain pack, format {}", path.display(), info.version);
+    say!(
         "bounds      {} to {} N, {} to {} E",
-        b.south_deg, b.north_deg, b.west_deg, b.east_deg
+        b.south_deg,
+        b.north_deg,
+        b.west_deg,
+        b.east_deg
     );
-    println!(
+    say!(
         "heights     {} to {} m above EGM96, in steps of {} m, at most {} m from their source",
         info.height_min_m,
         info.height_max_m,
         info.unit_m,
         max_error_m(pack, Partition::Geographic)
     );
-    println!(
+    say!(
         "posts       {} ({} a degree), of these {} void and {} water",
-        info.posts, info.grid.posts_per_degree, info.void_posts, info.water_posts
+        info.posts,
+        info.grid.posts_per_degree,
+        info.void_posts,
+        info.water_posts
     );
-    println!(
+    say!(
         "bytes       {} in {} tiles; {:.2} bits a sample on the finest level, {:.2} with all levels",
         info.bytes,
         info.tiles,
@@ -143,27 +157,45 @@ fn print_text(path: &Path, pack: &Pack) {
     );
     for partition in partitions(pack) {
         if partition != Partition::Geographic {
-            println!(
+            say!(
                 "{}   at most {} m from the sources",
                 partition.name(),
                 max_error_m(pack, partition)
             );
         }
-        println!("level  spacing/deg  tiles      bytes");
-        for (level, s) in std::iter::zip(0_u8.., level_summaries(pack, partition)) {
-            println!(
-                "{level:5}  {:11.7}  {:5}  {:9}",
-                info.grid.spacing_deg(level),
-                s.tiles,
-                s.bytes
-            );
-        }
+        print_levels(pack, partition);
     }
+    say!(
+        "RMS, most and low: the level's surface against the finest posts, metres; low: below any of them; summit: below one"
+    );
     for source in pack.sources() {
         let b = source.rect.bounds(info.grid);
-        println!(
+        say!(
             "source      {}: {} to {} N, {} to {} E",
-            source.name, b.south_deg, b.north_deg, b.west_deg, b.east_deg
+            source.name,
+            b.south_deg,
+            b.north_deg,
+            b.west_deg,
+            b.east_deg
+        );
+    }
+}
+
+fn print_levels(pack: &Pack, partition: Partition) {
+    say!("level  spacing/deg  tiles      bytes  RMS/m  most/m  low/m  summit/m");
+    for (level, s) in std::iter::zip(0_u8.., level_summaries(pack, partition)) {
+        let errors = match pack.info().level_error(partition, level) {
+            Some(e) => format!(
+                "{:5.1}  {:6.0}  {:5.0}  {:8.0}",
+                e.rms_m, e.max_m, e.low_m, e.summit_low_m
+            ),
+            None => "    -       -      -         -".to_owned(),
+        };
+        say!(
+            "{level:5}  {:11.7}  {:5}  {:9}  {errors}",
+            pack.info().grid.spacing_deg(level),
+            s.tiles,
+            s.bytes
         );
     }
 }

@@ -4,7 +4,7 @@
 //! the plain horizon is drawn instead.
 
 use crate::app::cockpit::Drawn;
-use crate::display::{Terrain, TerrainCaution, Ui};
+use crate::display::{SvsOff, Terrain, TerrainCaution, Ui};
 use crate::geo::{Camera, Geodetic};
 use crate::gl::Gpu;
 use crate::gl::look::{Lines, Look, Palette};
@@ -94,6 +94,47 @@ impl Shown {
             caution: None,
         }
     }
+
+    /// The words for it; `None` where there is nothing to be said.
+    #[must_use]
+    pub fn label(self) -> Option<&'static str> {
+        match self.terrain {
+            Terrain::Ready => self.caution.map(TerrainCaution::label),
+            off => Some(SvsOff::Terrain(off).label()),
+        }
+    }
+
+    /// What is to be said of the picture that was prepared last, with its `figures`.
+    #[must_use]
+    pub fn assess(scenery: &Scenery, pack: &Pack, camera: &Camera, figures: &FrameFigures) -> Self {
+        let info = pack.info();
+        if info.posts == info.void_posts {
+            return Self::off(Terrain::Empty);
+        }
+        if figures.partition.is_none() || !covers(&info.bounds, &camera.eye) {
+            return Self::off(Terrain::Outside);
+        }
+        if !scenery.has_ground(figures) {
+            return Self::off(Terrain::Loading);
+        }
+        Self {
+            terrain: Terrain::Ready,
+            caution: caution(scenery, camera, figures),
+        }
+    }
+}
+
+/// The gravest thing that is wrong with what is drawn.
+fn caution(scenery: &Scenery, camera: &Camera, figures: &FrameFigures) -> Option<TerrainCaution> {
+    let (finest, _) = figures.levels?;
+    let damage = figures.damage;
+    match scenery.terrain().ground(&camera.eye) {
+        Ok(ground) if camera.eye.height_ellipsoid < ground => Some(TerrainCaution::BelowGround),
+        Err(NoTerrain::Void) => Some(TerrainCaution::NoDataBelow),
+        _ if finest >= figures.levels_wanted.0 + COARSE_LEVELS => Some(TerrainCaution::Coarse),
+        _ if damage.checksum + damage.content + damage.reading > 0 => Some(TerrainCaution::Damaged),
+        _ => None,
+    }
 }
 
 impl Vision {
@@ -134,15 +175,9 @@ impl Vision {
         drawn.upload_texels = figures.uploads_texels as u64;
         drawn.resident_bytes = figures.resident_bytes as u64;
         drawn.terrain_settled = figures.settled;
-        let info = self.pack.info();
-        if info.posts == info.void_posts {
-            return Shown::off(Terrain::Empty);
-        }
-        if figures.partition.is_none() || !covers(&info.bounds, &camera.eye) {
-            return Shown::off(Terrain::Outside);
-        }
-        if !self.scenery.has_ground(&figures) {
-            return Shown::off(Terrain::Loading);
+        let shown = Shown::assess(&self.scenery, &self.pack, camera, &figures);
+        if shown.terrain != Terrain::Ready {
+            return shown;
         }
         let look = self.dress.look(camera, self.lines);
         self.lines = look.lines;
@@ -150,32 +185,7 @@ impl Vision {
         drawn.triangles = figures.triangles as u64;
         drawn.draw_calls += u32::try_from(draw_calls).unwrap_or(u32::MAX);
         drawn.terrain_shown = true;
-        Shown {
-            terrain: Terrain::Ready,
-            caution: figures
-                .levels
-                .and_then(|(finest, _)| self.caution(camera, &figures, finest)),
-        }
-    }
-
-    /// The gravest thing that is wrong with what is drawn.
-    fn caution(
-        &self,
-        camera: &Camera,
-        figures: &FrameFigures,
-        finest: u8,
-    ) -> Option<TerrainCaution> {
-        let ground = self.scenery.terrain().ground(&camera.eye);
-        let damage = figures.damage;
-        match ground {
-            Ok(ground) if camera.eye.height_ellipsoid < ground => Some(TerrainCaution::BelowGround),
-            Err(NoTerrain::Void) => Some(TerrainCaution::NoDataBelow),
-            _ if finest >= figures.levels_wanted.0 + COARSE_LEVELS => Some(TerrainCaution::Coarse),
-            _ if damage.checksum + damage.content + damage.reading > 0 => {
-                Some(TerrainCaution::Damaged)
-            }
-            _ => None,
-        }
+        shown
     }
 }
 

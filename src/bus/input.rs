@@ -230,6 +230,7 @@ impl Devices {
             {
                 Err(BusError::NotPermitted {
                     device: path.display().to_string(),
+                    todo: "add the user to the group input".to_owned(),
                     source,
                 })
             }

@@ -2,15 +2,21 @@
 //!
 //! The thread does `read -> Monotonic::read() -> decode -> ring` and nothing else: no allocation per frame, no lock, and no
 //! waiting for whoever reads the ring. When the ring is full the newest signals are dropped and counted. When the device
-//! goes away the thread opens it again, waiting longer each time ([`Backoff`]), until it is told to stop.
+//! goes away the thread opens it again, waiting longer each time up to 2 s ([`Backoff`]), until it is told to stop. What it
+//! counts and how its device fares stand in [`SourceFigures`].
 //!
 //! A bus does not know any protocol: it is given a function that decodes ([`Decode`]).
 
 pub mod can;
+mod error;
+mod figures;
 pub mod input;
 pub mod loopback;
 mod serial;
-pub mod udp;
+mod udp;
+
+pub use error::BusError;
+pub use figures::{BAD_KINDS, Event, Figures, Link, SourceFigures, Tally};
 
 use crate::limits::SIGNALS_QUEUED_MAX;
 use crate::signal::{Frame, Signal, SourceId, Wire};
@@ -18,26 +24,12 @@ use crate::time::Monotonic;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// The longest that a thread waits for a frame before it looks whether it should stop.
 const WAIT: Duration = Duration::from_millis(50);
-
-/// Kinds of bad frames that a decoder may tell apart.
-pub const BAD_KINDS: usize = 12;
-
-/// Running totals of a decoder: every frame is good, bad or ignored.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
-    /// Whole, well-formed frames.
-    pub good: u64,
-    /// Frames with something wrong, by kind; which kind is which is the decoder's business.
-    pub bad: [u64; BAD_KINDS],
-    /// Somebody else's frames.
-    pub ignored: u64,
-}
 
 /// What a bus thread does with a frame: gives its signals to the second argument, returns the totals so far.
 pub type Decode = Box<dyn FnMut(Frame<'_>, &mut dyn FnMut(Signal)) -> Tally + Send>;
@@ -59,11 +51,11 @@ pub enum Endpoint {
         /// The identifiers that the kernel passes on, both 11-bit and 29-bit; empty means all.
         ids: &'static [u16],
     },
-    /// A serial port.
+    /// A serial port: 8N1, read only.
     Serial {
-        /// Its path, as in `/dev/serial/by-id/usb-...`.
-        device: String,
-        /// Bits a second.
+        /// Its path; one that stays the same when it is unplugged and plugged in again is found again.
+        path: String,
+        /// Bits per second.
         baud: u32,
     },
     /// A CAN bus within this process.
@@ -81,251 +73,6 @@ pub struct SourceConfig {
     pub endpoint: Endpoint,
 }
 
-/// Why a source cannot be listened to. Displayed as `WHAT: WHY (WHAT TO DO)`.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: {} ({})", self.what(), self.why(), self.todo())]
-pub enum BusError {
-    /// Another program listens on the port.
-    PortInUse {
-        /// The address.
-        bind: SocketAddr,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The address is not one of this machine.
-    AddressNotLocal {
-        /// The address.
-        bind: SocketAddr,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// There is no such CAN interface.
-    InterfaceMissing {
-        /// Its name.
-        interface: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// There is no such serial port.
-    SerialMissing {
-        /// Its path.
-        device: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// Another program holds the serial port.
-    SerialHeld {
-        /// Its path.
-        device: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The program may not use the serial port.
-    SerialNotPermitted {
-        /// Its path.
-        device: String,
-        /// The group whose members may.
-        group: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The path is something else.
-    SerialNone {
-        /// The path.
-        device: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The port cannot be as fast or as slow.
-    SerialSpeed {
-        /// Its path.
-        device: String,
-        /// Bits a second.
-        baud: u32,
-        /// What the driver said.
-        source: io::Error,
-    },
-    /// The program may not use the device.
-    NotPermitted {
-        /// The device.
-        device: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// Anything else that the system refused.
-    Refused {
-        /// The device.
-        device: String,
-        /// What the system said.
-        source: io::Error,
-    },
-}
-
-impl BusError {
-    /// The device.
-    #[must_use]
-    pub fn what(&self) -> String {
-        match self {
-            Self::PortInUse { bind, .. } | Self::AddressNotLocal { bind, .. } => {
-                format!("udp {bind}")
-            }
-            Self::InterfaceMissing { interface, .. } => format!("can {interface}"),
-            Self::SerialMissing { device, .. }
-            | Self::SerialHeld { device, .. }
-            | Self::SerialNotPermitted { device, .. }
-            | Self::SerialNone { device, .. }
-            | Self::SerialSpeed { device, .. } => format!("serial {device}"),
-            Self::NotPermitted { device, .. } | Self::Refused { device, .. } => device.clone(),
-        }
-    }
-
-    /// What is wrong with it.
-    #[must_use]
-    pub fn why(&self) -> String {
-        match self {
-            Self::PortInUse { bind, .. } => {
-                format!("another program listens on port {}", bind.port())
-            }
-            Self::AddressNotLocal { bind, .. } => {
-                format!("{} is no address of this machine", bind.ip())
-            }
-            Self::InterfaceMissing { .. } => "there is no such interface".to_owned(),
-            Self::SerialMissing { .. } => "there is no such port".to_owned(),
-            Self::SerialHeld { .. } => "another program holds it".to_owned(),
-            Self::SerialNone { .. } => "it is no serial port".to_owned(),
-            Self::SerialSpeed { baud, .. } => format!("it cannot do {baud} bit/s"),
-            Self::SerialNotPermitted { .. } | Self::NotPermitted { .. } => {
-                "this program may not use it".to_owned()
-            }
-            Self::Refused { .. } => "the system refused it".to_owned(),
-        }
-    }
-
-    /// What the system said.
-    #[must_use]
-    pub fn into_source(self) -> io::Error {
-        match self {
-            Self::PortInUse { source, .. }
-            | Self::AddressNotLocal { source, .. }
-            | Self::InterfaceMissing { source, .. }
-            | Self::SerialMissing { source, .. }
-            | Self::SerialHeld { source, .. }
-            | Self::SerialNotPermitted { source, .. }
-            | Self::SerialNone { source, .. }
-            | Self::SerialSpeed { source, .. }
-            | Self::NotPermitted { source, .. }
-            | Self::Refused { source, .. } => source,
-        }
-    }
-
-    /// What the user can do.
-    #[must_use]
-    pub fn todo(&self) -> String {
-        match self {
-            Self::PortInUse { bind, .. } => format!(
-                "stop it, `ss -ulnp sport = :{}` names it, or choose another port",
-                bind.port()
-            ),
-            Self::AddressNotLocal { .. } => {
-                "choose one that `ip address` lists, or 0.0.0.0 for all".to_owned()
-            }
-            Self::InterfaceMissing { interface, .. } if interface.starts_with("vcan") => {
-                format!("make it: ip link add {interface} type vcan && ip link set {interface} up")
-            }
-            Self::InterfaceMissing { interface, .. } => format!(
-                "connect the adapter, `glasswing list` names what is there, then: ip link set {interface} up type can bitrate 500000"
-            ),
-            Self::SerialMissing { .. } | Self::SerialNone { .. } => {
-                "connect the adapter; `glasswing list` names what is there".to_owned()
-            }
-            Self::SerialHeld { device, .. } => {
-                format!("stop it, `fuser {device}` names it")
-            }
-            Self::SerialNotPermitted { group, .. } => format!("add the user to the group {group}"),
-            Self::SerialSpeed { .. } => "give the speed that its sender has".to_owned(),
-            Self::NotPermitted { device, .. } if device.starts_with("/dev/input") => {
-                "add the user to the group input".to_owned()
-            }
-            Self::NotPermitted { .. } => {
-                "choose a port above 1023, or run it as a user who may".to_owned()
-            }
-            Self::Refused { .. } => "see the system's log".to_owned(),
-        }
-    }
-}
-
-/// Figures of one source, written by its thread and read by anybody.
-#[derive(Debug, Default)]
-pub struct SourceFigures {
-    good: AtomicU64,
-    bad: [AtomicU64; BAD_KINDS],
-    ignored: AtomicU64,
-    dropped: AtomicU64,
-    reopened: AtomicU64,
-    faults: AtomicU64,
-    foreign: AtomicU64,
-}
-
-/// [`SourceFigures`] at one moment.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Figures {
-    /// Whole, well-formed frames.
-    pub good: u64,
-    /// Frames with something wrong.
-    pub bad: u64,
-    /// The same by kind, see [`Tally::bad`].
-    pub bad_by_kind: [u64; BAD_KINDS],
-    /// Somebody else's frames.
-    pub ignored: u64,
-    /// Signals lost because the ring was full.
-    pub dropped: u64,
-    /// How often the device was opened again.
-    pub reopened: u64,
-    /// Errors of the device: failed reads, CAN error frames, an interface that went down.
-    pub faults: u64,
-    /// Datagrams from senders that are not listened to.
-    pub foreign: u64,
-}
-
-impl Figures {
-    /// All frames that the decoder was given.
-    #[must_use]
-    pub const fn frames(&self) -> u64 {
-        self.good + self.bad + self.ignored
-    }
-}
-
-impl SourceFigures {
-    /// As they are now. Each figure is exact; two of them may be a frame apart.
-    #[must_use]
-    pub fn snapshot(&self) -> Figures {
-        let get = |figure: &AtomicU64| figure.load(Ordering::Acquire);
-        let bad_by_kind = std::array::from_fn(|kind| get(&self.bad[kind]));
-        Figures {
-            good: get(&self.good),
-            bad: bad_by_kind.iter().sum(),
-            bad_by_kind,
-            ignored: get(&self.ignored),
-            dropped: get(&self.dropped),
-            reopened: get(&self.reopened),
-            faults: get(&self.faults),
-            foreign: get(&self.foreign),
-        }
-    }
-
-    fn add(figure: &AtomicU64, n: u64) {
-        figure.fetch_add(n, Ordering::Relaxed);
-    }
-
-    fn store(&self, tally: Tally) {
-        self.good.store(tally.good, Ordering::Release);
-        for (figure, bad) in self.bad.iter().zip(tally.bad) {
-            figure.store(bad, Ordering::Release);
-        }
-        self.ignored.store(tally.ignored, Ordering::Release);
-    }
-}
-
 /// A source that is listened to: what it says, and the thread that listens.
 #[derive(Debug)]
 pub struct SourceHandle {
@@ -340,6 +87,7 @@ pub struct SourceHandle {
 pub struct SourceThread {
     name: String,
     id: SourceId,
+    interface: Option<String>,
     figures: Arc<SourceFigures>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -362,6 +110,14 @@ impl SourceThread {
     #[must_use]
     pub const fn figures(&self) -> &Arc<SourceFigures> {
         &self.figures
+    }
+
+    /// How many frames of a CAN bus the kernel kept away since the source was last opened, by the interface's own count:
+    /// those with identifiers that are none of the source's. None for what is no CAN interface, or is gone.
+    #[must_use]
+    pub fn kept_away(&self) -> Option<u64> {
+        let passed = can::frames_passed(self.interface.as_deref()?)?;
+        Some(self.figures.kept_away(passed))
     }
 
     /// Stops listening and waits until the thread has ended: at most a few times 50 ms. A second call does nothing.
@@ -388,6 +144,10 @@ impl Drop for SourceThread {
 pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusError> {
     let SourceConfig { name, id, endpoint } = config;
     let figures = Arc::new(SourceFigures::default());
+    let interface = match &endpoint {
+        Endpoint::Can { interface, .. } => Some(interface.clone()),
+        _ => None,
+    };
     let source: Box<dyn Source> = match endpoint {
         Endpoint::Udp { bind, allow } => {
             Box::new(udp::Socket::open(bind, allow, Arc::clone(&figures))?)
@@ -395,7 +155,7 @@ pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusEr
         Endpoint::Can { interface, ids } => {
             Box::new(can::Socket::open(interface, ids, Arc::clone(&figures))?)
         }
-        Endpoint::Serial { device, baud } => Box::new(serial::Port::open(device, baud)?),
+        Endpoint::Serial { path, baud } => Box::new(serial::Port::open(path, baud)?),
         Endpoint::Loopback(receiver) => Box::new(receiver),
     };
     let stop = Arc::new(AtomicBool::new(false));
@@ -421,6 +181,7 @@ pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusEr
         thread: SourceThread {
             name,
             id,
+            interface,
             figures,
             stop,
             thread: Some(thread),
@@ -458,7 +219,7 @@ impl Feed {
             dropped += u64::from(signals.push(signal).is_err());
         });
         if dropped > 0 {
-            SourceFigures::add(&self.figures.dropped, dropped);
+            self.figures.dropped(dropped);
         }
         self.figures.store(tally);
     }
@@ -471,7 +232,9 @@ fn listen(mut source: Box<dyn Source>, mut feed: Feed, stop: &AtomicBool) {
         if !open {
             std::thread::park_timeout(backoff.next_wait());
             open = source.reopen().is_ok();
-            SourceFigures::add(&feed.figures.reopened, u64::from(open));
+            if open {
+                feed.figures.reopened();
+            }
             continue;
         }
         match source.receive() {
@@ -481,7 +244,8 @@ fn listen(mut source: Box<dyn Source>, mut feed: Feed, stop: &AtomicBool) {
             }
             Ok(None) => {}
             Err(_) => {
-                SourceFigures::add(&feed.figures.faults, 1);
+                feed.figures.fault([Event::Lost]);
+                feed.figures.set_link(Link::Closed);
                 open = false;
             }
         }
@@ -528,26 +292,5 @@ mod tests {
         let mut backoff = Backoff::new();
         let waits: Vec<_> = (0..8).map(|_| backoff.next_wait().as_millis()).collect();
         assert_eq!(waits, [50, 100, 200, 400, 800, 1600, 2000, 2000]);
-    }
-
-    #[test]
-    fn errors_name_the_device_and_the_remedy() {
-        let e = BusError::InterfaceMissing {
-            interface: "vcan0".into(),
-            source: io::ErrorKind::NotFound.into(),
-        };
-        assert_eq!(
-            e.to_string(),
-            "can vcan0: there is no such interface (make it: ip link add vcan0 type vcan && ip link set vcan0 up)"
-        );
-        let e = BusError::PortInUse {
-            bind: ([127, 0, 0, 1], 5500).into(),
-            source: io::ErrorKind::AddrInUse.into(),
-        };
-        assert!(
-            e.to_string()
-                .starts_with("udp 127.0.0.1:5500: another program listens on port 5500 ("),
-            "{e}"
-        );
     }
 }

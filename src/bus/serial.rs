@@ -1,111 +1,236 @@
-//! Serial ports: pieces of a byte stream, as they come.
+//! Serial ports: whatever bytes have come are one piece of a stream.
 //!
-//! A port is opened for this program alone (`TIOCEXCL` and a lock, as other careful programs do), 8 data bits, no parity, one
-//! stop bit, no flow control, at any speed that the driver takes. A name under `/dev/serial/by-id` stays with its adapter
-//! wherever that is plugged in. A port that is unplugged fails the next read, and is opened again when it is back.
+//! Eight data bits, no parity, one stop bit, no flow control; only reading. A port is ours alone: other programs are kept
+//! out (`TIOCEXCL`, and a lock that also root heeds), and one that has the port already is named. A byte that came with a
+//! framing error is read as zero, so that its frame fails.
+//!
+//! A USB adapter that is pulled out hangs up its line, and its node disappears; plugged in again it may have another number.
+//! The path is looked up anew each time the port is opened, so a name that stays, as those in `/dev/serial/by-id`, finds it
+//! again. What has piled up before a port is opened is thrown away: its time of receipt is not known.
 
+use super::udp::is_pause;
 use super::{BusError, Source, WAIT};
+use crate::limits::SERIAL_CHUNK_BYTES_MAX;
 use crate::signal::Wire;
 use crate::time::Monotonic;
-use serialport::{ErrorKind, SerialPort as _, TTYPort};
-use std::fs::OpenOptions;
-use std::io::{self, IsTerminal as _, Read as _};
-use std::os::unix::fs::{MetadataExt as _, OpenOptionsExt as _};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{FlockOperation, Mode, OFlags, flock};
+use rustix::io::Errno;
+use rustix::termios::{
+    ControlModes, InputModes, OptionalActions, QueueSelector, Termios, ioctl_tiocexcl, tcflush,
+    tcgetattr, tcsetattr,
+};
+use std::fs;
+use std::io;
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::MetadataExt as _;
+use std::path::Path;
 
-/// The most that is taken at once: 45 ms at 115 200 bit/s.
-const PIECE_BYTES: usize = 512;
-
-/// A speed read back may differ by as much as a receiver tolerates: half a bit over ten.
-const SPEED_TOLERANCE: f64 = 0.03;
+/// The largest part by which the speed of a port may be off: with 8N1 a byte is sampled for the last time 9.5 bits after
+/// its beginning, where half a bit is 5 %; either end may use up half of that.
+const SPEED_ERROR_MAX: f64 = 0.025;
 
 /// An open port.
 pub(super) struct Port {
-    device: String,
+    path: String,
     baud: u32,
-    port: TTYPort,
-    buffer: [u8; PIECE_BYTES],
+    /// None between a failure and the next opening that succeeds.
+    fd: Option<OwnedFd>,
+    buffer: [u8; SERIAL_CHUNK_BYTES_MAX],
 }
 
 impl Port {
-    pub(super) fn open(device: String, baud: u32) -> Result<Self, BusError> {
-        let port = open(&device, baud).map_err(|e| refusal(&device, baud, e))?;
+    pub(super) fn open(path: String, baud: u32) -> Result<Self, BusError> {
+        let fd = open(&path, baud)?;
         Ok(Self {
-            device,
+            path,
             baud,
-            port,
-            buffer: [0; PIECE_BYTES],
+            fd: Some(fd),
+            buffer: [0; SERIAL_CHUNK_BYTES_MAX],
         })
     }
 }
 
-fn open(device: &str, baud: u32) -> Result<TTYPort, serialport::Error> {
-    let port = serialport::new(device, baud).timeout(WAIT).open_native()?;
-    let real = port.baud_rate()?;
-    if (f64::from(real) / f64::from(baud) - 1.0).abs() > SPEED_TOLERANCE {
-        let what = format!("the driver offers {real} instead");
-        return Err(serialport::Error::new(ErrorKind::InvalidInput, what));
-    }
-    Ok(port)
-}
-
-/// What is wrong with the port: the library tells most things alike, so the device is asked once more.
-fn refusal(device: &str, baud: u32, error: serialport::Error) -> BusError {
-    let device = device.to_owned();
-    let flags = rustix::fs::OFlags::NONBLOCK | rustix::fs::OFlags::NOCTTY;
-    let asked = OpenOptions::new()
-        .read(true)
-        .write(true)
-        .custom_flags(i32::try_from(flags.bits()).unwrap_or(0))
-        .open(&device);
-    let kind = error.kind();
-    let source = io::Error::from(error);
-    match asked {
-        Err(e) if e.kind() == io::ErrorKind::PermissionDenied => BusError::SerialNotPermitted {
-            group: group_of(&device),
-            device,
-            source: e,
-        },
-        Err(e) if e.kind() == io::ErrorKind::ResourceBusy => {
-            BusError::SerialHeld { device, source: e }
-        }
-        Err(e) => BusError::SerialMissing { device, source: e },
-        Ok(file) if !file.is_terminal() => BusError::SerialNone { device, source },
-        Ok(_) if kind == ErrorKind::InvalidInput => BusError::SerialSpeed {
-            device,
-            baud,
-            source,
-        },
-        Ok(_) => BusError::SerialHeld { device, source },
-    }
-}
-
-/// The name of the group that a device belongs to, or its number.
-fn group_of(device: &str) -> String {
-    let Ok(metadata) = std::fs::metadata(device) else {
-        return "dialout".to_owned();
-    };
-    let gid = metadata.gid().to_string();
-    let groups = std::fs::read_to_string("/etc/group").unwrap_or_default();
-    let name = groups.lines().find_map(|line| {
-        let mut words = line.split(':');
-        let name = words.next()?;
-        (words.nth(1)? == gid).then(|| name.to_owned())
-    });
-    name.unwrap_or(gid)
-}
-
 impl Source for Port {
     fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
-        match self.port.read(&mut self.buffer) {
-            Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
-            Ok(n) => Ok(Some((Monotonic::read(), Wire::Stream(&self.buffer[..n])))),
-            Err(e) if super::udp::is_pause(&e) => Ok(None),
-            Err(e) => Err(e),
+        let Some(fd) = &self.fd else {
+            return Err(io::ErrorKind::NotConnected.into());
+        };
+        let wait = Timespec {
+            tv_sec: 0,
+            tv_nsec: i64::from(WAIT.subsec_nanos()),
+        };
+        let mut ready = [PollFd::new(fd, PollFlags::IN)];
+        match poll(&mut ready, Some(&wait)) {
+            Ok(0) | Err(Errno::INTR) => return Ok(None),
+            Ok(_) => {}
+            Err(e) => return Err(e.into()),
+        }
+        // Before the bytes are fetched: what comes meanwhile counts as a little older than it is, never as younger.
+        let at = Monotonic::read();
+        match rustix::io::read(fd, &mut self.buffer[..]) {
+            Ok(0) => Err(io::ErrorKind::BrokenPipe.into()),
+            Ok(len) => Ok(Some((at, Wire::Stream(&self.buffer[..len])))),
+            Err(e) => {
+                let e = io::Error::from(e);
+                // A port that is ready with nothing to read has been hung up.
+                let hung_up = ready[0]
+                    .revents()
+                    .intersects(PollFlags::HUP.union(PollFlags::ERR).union(PollFlags::NVAL));
+                if is_pause(&e) && !hung_up {
+                    Ok(None)
+                } else {
+                    Err(e)
+                }
+            }
         }
     }
 
     fn reopen(&mut self) -> io::Result<()> {
-        self.port = open(&self.device, self.baud).map_err(io::Error::from)?;
+        // The old one is let go first: it would hold the port against ourselves.
+        self.fd = None;
+        let opened = open(&self.path, self.baud);
+        self.fd = Some(opened.map_err(|e| e.into_source().unwrap_or(io::ErrorKind::Other.into()))?);
         Ok(())
+    }
+}
+
+fn open(path: &str, baud: u32) -> Result<OwnedFd, BusError> {
+    // Not blocking: a port whose carrier line is low would otherwise wait for a carrier.
+    let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let fd = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| refusal(path, e))?;
+    let mut termios = tcgetattr(&fd).map_err(|e| refusal(path, e))?;
+    let held = |e: Errno| BusError::SerialHeld {
+        path: path.to_owned(),
+        holder: holder(path),
+        source: e.into(),
+    };
+    flock(&fd, FlockOperation::NonBlockingLockExclusive).map_err(held)?;
+    // Root is let in past another program's claim, and not everybody makes one.
+    if let Some(holder) = holder(path) {
+        return Err(BusError::SerialHeld {
+            path: path.to_owned(),
+            holder: Some(holder),
+            source: Errno::BUSY.into(),
+        });
+    }
+    ioctl_tiocexcl(&fd).map_err(|e| refusal(path, e))?;
+    let refused = |instead, source: io::Error| BusError::SpeedRefused {
+        path: path.to_owned(),
+        baud,
+        instead,
+        source,
+    };
+    listen_only(&mut termios, baud).map_err(|e| refused(None, e))?;
+    tcsetattr(&fd, OptionalActions::Now, &termios).map_err(|e| match e {
+        Errno::INVAL | Errno::RANGE => refused(None, e.into()),
+        e => refusal(path, e),
+    })?;
+    // A driver that does not have the speed sets another one and says so here only.
+    let set = tcgetattr(&fd).map_err(|e| refusal(path, e))?.input_speed();
+    if (f64::from(set) / f64::from(baud) - 1.0).abs() > SPEED_ERROR_MAX {
+        return Err(refused(Some(set), Errno::INVAL.into()));
+    }
+    tcflush(&fd, QueueSelector::IFlush).map_err(|e| refusal(path, e))?;
+    Ok(fd)
+}
+
+/// Raw bytes, 8N1, at `baud`, whatever the modem lines say.
+fn listen_only(termios: &mut Termios, baud: u32) -> io::Result<()> {
+    termios.make_raw();
+    // With the parity check on and nothing else said, a byte with a framing error is read as zero.
+    termios.input_modes -= InputModes::IGNPAR | InputModes::IXOFF | InputModes::IXANY;
+    termios.input_modes |= InputModes::INPCK;
+    termios.control_modes -= ControlModes::CSTOPB | ControlModes::PARODD | ControlModes::CRTSCTS;
+    termios.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL;
+    Ok(termios.set_speed(baud)?)
+}
+
+fn refusal(path: &str, e: Errno) -> BusError {
+    let (device, source) = (path.to_owned(), io::Error::from(e));
+    match e {
+        Errno::NOENT | Errno::NODEV | Errno::NXIO | Errno::NOTDIR => BusError::SerialMissing {
+            path: device,
+            source,
+        },
+        Errno::NOTTY | Errno::ISDIR | Errno::INVAL => BusError::NotSerial {
+            path: device,
+            source,
+        },
+        Errno::BUSY => BusError::SerialHeld {
+            holder: holder(path),
+            path: device,
+            source,
+        },
+        Errno::ACCESS | Errno::PERM => BusError::NotPermitted {
+            todo: admittance(path),
+            device: format!("serial {device}"),
+            source,
+        },
+        _ => BusError::Refused {
+            device: format!("serial {device}"),
+            source,
+        },
+    }
+}
+
+/// What lets a user open the port.
+fn admittance(path: &str) -> String {
+    /// `S_IRGRP` of `sys/stat.h`.
+    const GROUP_READS: u32 = 0o040;
+    let Ok(node) = fs::metadata(path) else {
+        return "let the user into the folders above it".to_owned();
+    };
+    let groups = fs::read_to_string("/etc/group").unwrap_or_default();
+    match group_name(&groups, node.gid()) {
+        Some(group) if node.mode() & GROUP_READS != 0 && group != "root" => format!(
+            "add the user to the group {group}: usermod -aG {group} USER, then log in again"
+        ),
+        _ => "give it to the group dialout with a udev rule, and add the user to that group"
+            .to_owned(),
+    }
+}
+
+/// The name of a group in a text like `/etc/group`.
+fn group_name(groups: &str, gid: u32) -> Option<&str> {
+    groups.lines().find_map(|line| {
+        let mut words = line.split(':');
+        let name = words.next()?;
+        (words.nth(1)?.parse() == Ok(gid)).then_some(name)
+    })
+}
+
+/// Another program that has the device open, as far as this one may see the others.
+fn holder(path: &str) -> Option<String> {
+    let device = fs::canonicalize(path).ok()?;
+    let own = std::process::id();
+    let processes = fs::read_dir("/proc").ok()?.flatten();
+    processes
+        .filter_map(|entry| entry.file_name().to_str()?.parse::<u32>().ok())
+        .find(|process| *process != own && has_open(*process, &device))
+        .map(|process| {
+            let name = fs::read_to_string(format!("/proc/{process}/comm")).unwrap_or_default();
+            format!("{} (process {process})", name.trim())
+        })
+}
+
+fn has_open(process: u32, device: &Path) -> bool {
+    fs::read_dir(format!("/proc/{process}/fd")).is_ok_and(|files| {
+        files
+            .flatten()
+            .any(|file| fs::read_link(file.path()).is_ok_and(|target| target == device))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_are_found_by_their_number() {
+        let groups = "root:x:0:\ndialout:x:20:pilot,other\nbroken\nplugdev:x:46:\n";
+        assert_eq!(group_name(groups, 20), Some("dialout"));
+        assert_eq!(group_name(groups, 0), Some("root"));
+        assert_eq!(group_name(groups, 2), None, "no part of another number");
     }
 }

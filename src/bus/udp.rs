@@ -8,12 +8,18 @@ use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 
+/// Waits without a datagram after which it is looked whether the address is still there: two seconds.
+const WAITS_BEFORE_LOOK: u32 = 40;
+
 /// A bound socket.
 pub(super) struct Socket {
     bind: SocketAddr,
     allow: Vec<IpAddr>,
-    socket: UdpSocket,
+    /// None between a failure and the next opening that succeeds.
+    socket: Option<UdpSocket>,
     figures: Arc<SourceFigures>,
+    /// Waits since the last datagram or the last look.
+    waits: u32,
     /// One byte longer than a datagram may be, so that a longer one is seen to be too long rather than cut to size.
     buffer: [u8; DATAGRAM_BYTES_MAX + 1],
 }
@@ -24,25 +30,42 @@ impl Socket {
         allow: Vec<IpAddr>,
         figures: Arc<SourceFigures>,
     ) -> Result<Self, BusError> {
-        let socket = bind_socket(bind).map_err(|source| match source.kind() {
-            io::ErrorKind::AddrInUse => BusError::PortInUse { bind, source },
-            io::ErrorKind::AddrNotAvailable => BusError::AddressNotLocal { bind, source },
-            io::ErrorKind::PermissionDenied => BusError::NotPermitted {
-                device: format!("udp {bind}"),
-                source,
-            },
-            _ => BusError::Refused {
-                device: format!("udp {bind}"),
-                source,
-            },
-        })?;
+        let socket = bind_socket(bind).map_err(|source| refusal(bind, source))?;
         Ok(Self {
             bind,
             allow,
-            socket,
+            socket: Some(socket),
             figures,
+            waits: 0,
             buffer: [0; DATAGRAM_BYTES_MAX + 1],
         })
+    }
+
+    /// Nothing came. The system says nothing to a socket whose address goes away with its interface, so it is asked.
+    fn pause(&mut self) -> io::Result<()> {
+        self.waits += 1;
+        if self.waits < WAITS_BEFORE_LOOK {
+            return Ok(());
+        }
+        self.waits = 0;
+        match UdpSocket::bind(SocketAddr::new(self.bind.ip(), 0)) {
+            Err(e) if e.kind() == io::ErrorKind::AddrNotAvailable => Err(e),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn refusal(bind: SocketAddr, source: io::Error) -> BusError {
+    let device = format!("udp {bind}");
+    match source.kind() {
+        io::ErrorKind::AddrInUse => BusError::PortInUse { bind, source },
+        io::ErrorKind::AddrNotAvailable => BusError::AddressNotLocal { bind, source },
+        io::ErrorKind::PermissionDenied => BusError::NotPermitted {
+            device,
+            todo: "choose a port above 1023".to_owned(),
+            source,
+        },
+        _ => BusError::Refused { device, source },
     }
 }
 
@@ -54,25 +77,32 @@ fn bind_socket(bind: SocketAddr) -> io::Result<UdpSocket> {
 
 impl Source for Socket {
     fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
-        match self.socket.recv_from(&mut self.buffer) {
-            Ok((len, sender)) => {
-                let at = Monotonic::read();
-                if !is_allowed(&self.allow, sender.ip()) {
-                    SourceFigures::add(&self.figures.foreign, 1);
-                    return Ok(None);
-                }
-                Ok(Some((at, Wire::Datagram(&self.buffer[..len]))))
-            }
-            Err(e) if is_pause(&e) => Ok(None),
-            Err(e) => Err(e),
+        let Some(socket) = &self.socket else {
+            return Err(io::ErrorKind::NotConnected.into());
+        };
+        let (len, sender) = match socket.recv_from(&mut self.buffer) {
+            Ok(received) => received,
+            Err(e) if is_pause(&e) => return self.pause().map(|()| None),
+            Err(e) => return Err(e),
+        };
+        let at = Monotonic::read();
+        self.waits = 0;
+        if !is_allowed(&self.allow, sender.ip()) {
+            self.figures.foreign();
+            Ok(None)
+        } else if len > DATAGRAM_BYTES_MAX {
+            // The rest of it is lost, and what is left may look whole.
+            self.figures.oversized();
+            Ok(None)
+        } else {
+            Ok(Some((at, Wire::Datagram(&self.buffer[..len]))))
         }
     }
 
     fn reopen(&mut self) -> io::Result<()> {
-        // The old socket still holds the port; a socket that has failed is replaced by an unbound one first.
-        let any_port = SocketAddr::new(self.bind.ip(), 0);
-        self.socket = bind_socket(any_port)?;
-        self.socket = bind_socket(self.bind)?;
+        // The old one is let go first: it would hold the port against ourselves.
+        self.socket = None;
+        self.socket = Some(bind_socket(self.bind)?);
         Ok(())
     }
 }
@@ -87,7 +117,8 @@ pub(super) fn is_pause(e: &io::Error) -> bool {
 
 /// Whether `sender` is listened to. An IPv4 sender that reaches an IPv6 socket is known by its IPv4 address.
 fn is_allowed(allow: &[IpAddr], sender: IpAddr) -> bool {
-    allow.is_empty() || allow.contains(&sender.to_canonical())
+    let sender = sender.to_canonical();
+    allow.is_empty() || allow.iter().any(|named| named.to_canonical() == sender)
 }
 
 #[cfg(test)]
@@ -102,6 +133,8 @@ mod tests {
         assert!(is_allowed(&[], other), "no list, no rule");
         assert!(is_allowed(&[v4], v4), "named");
         assert!(is_allowed(&[v4], mapped), "the same in IPv6 clothes");
+        assert!(is_allowed(&[mapped], v4), "and the other way round");
         assert!(!is_allowed(&[v4], other), "not named");
+        assert!(is_allowed(&[v4, other], other), "the second of two");
     }
 }

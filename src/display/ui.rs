@@ -1,6 +1,6 @@
 //! What the pilot and the installer have set.
 
-use super::atmosphere::STANDARD_PRESSURE;
+use crate::atmosphere::STANDARD_PRESSURE;
 use crate::units::{Hectopascals, Knots, Radians};
 
 /// A barometric setting that an altimeter accepts.

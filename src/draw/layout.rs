@@ -4,10 +4,15 @@
 //! the attitude symbols to the middle.
 
 use super::list::Rect;
+use crate::display::NOTES_MAX;
 use glam::Vec2;
 
 /// The panel on which the measures of this module are given, in pixels.
 const DESIGN: Vec2 = Vec2::new(1024.0, 600.0);
+
+/// The most lines of notes.
+#[expect(clippy::cast_precision_loss, reason = "a dozen")]
+const NOTES: f32 = NOTES_MAX as f32;
 
 /// Where everything is, in pixels from the upper left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +47,8 @@ pub struct Layout {
     pub track: Rect,
     /// Why there is no terrain.
     pub annunciation: Rect,
+    /// Lines about values that are shown: room for all of them.
+    pub notes: Rect,
     /// Where the flag of a missing attitude stands.
     pub attitude_flag: Rect,
     /// Where the flag of a missing slip ball stands.
@@ -85,6 +92,7 @@ impl Layout {
             heading: middle(-240.0, 250.0, 480.0, 42.0),
             heading_window: middle(-46.0, 217.0, 92.0, 32.0),
             annunciation: left(144.0, -198.0, 128.0, 46.0),
+            notes: right(318.0, -198.0, 128.0, 18.0 * NOTES),
             attitude_flag: middle(-190.0, -140.0, 380.0, 280.0),
             slip_flag: middle(-52.0, -188.0, 104.0, 20.0),
         }
@@ -104,7 +112,7 @@ impl Layout {
 
     /// All rectangles, for checks.
     #[must_use]
-    pub const fn rects(&self) -> [Rect; 13] {
+    pub const fn rects(&self) -> [Rect; 14] {
         [
             self.airspeed_title,
             self.airspeed,
@@ -117,6 +125,7 @@ impl Layout {
             self.ground_speed,
             self.track,
             self.annunciation,
+            self.notes,
             self.attitude_flag,
             self.slip_flag,
         ]
@@ -142,7 +151,7 @@ mod tests {
             for (i, a) in rects.iter().enumerate() {
                 assert!(a.min.min_element() >= 0.0, "{w}x{h}: {i} {a:?}");
                 assert!(a.max.cmple(layout.size).all(), "{w}x{h}: {i} {a:?}");
-                for (j, b) in rects[..11].iter().enumerate() {
+                for (j, b) in rects[..12].iter().enumerate() {
                     let apart = a.max.cmple(b.min).any() || b.max.cmple(a.min).any();
                     assert!(i == j || apart, "{w}x{h}: {i} {a:?} on {j} {b:?}");
                 }

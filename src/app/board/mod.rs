@@ -5,17 +5,17 @@
 //! go, each problem with file and key path, and there is no other way to a [`Board`].
 
 mod reader;
+mod sources;
+
+pub use sources::{Endpoint, SourceWish};
 
 use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;
 use crate::gl::look::Palette;
-use crate::limits::SOURCES_MAX;
-use crate::proto::fg_generic::{FgGeneric, Layout};
-use crate::proto::{Carriage, Decoder, Protocol};
 use crate::screen::{self, ModeWish, Wishes};
+use crate::terrain::reach::TARGET_PX;
 use crate::units::{Knots, Radians};
 use reader::{Problem, Reader};
-use std::net::{IpAddr, SocketAddr};
 use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
@@ -92,49 +92,14 @@ pub struct TerrainWish {
     pub pack: Option<PathBuf>,
     /// Vertices along the side of a clipmap level: 127, 175, 191, 255, 319 or 447.
     pub vertices: u32,
+    /// Error that pictures may have where levels follow the distance, RMS, pixels.
+    pub target_px: f64,
     /// Height samples uploaded per frame at most.
     pub upload_texels_per_frame: u32,
     /// Whether ground is coloured by its height relative to the aircraft at start.
     pub awareness: bool,
     /// Whether lines of latitude and longitude lie on the ground at start.
     pub grid: bool,
-}
-
-/// One source of flight data.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SourceWish {
-    /// Its name in messages and figures.
-    pub name: String,
-    /// What it speaks.
-    pub protocol: Protocol,
-    /// The text of the layout of its lines, where the protocol has one and the board names it; it is one that can be read.
-    pub layout: Option<String>,
-    /// Where it is heard.
-    pub endpoint: Endpoint,
-}
-
-/// Where a source is heard.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Endpoint {
-    /// A UDP socket.
-    Udp {
-        /// Address and port to listen on.
-        bind: SocketAddr,
-        /// Senders that are listened to; empty means any that can reach the address.
-        allow: Vec<IpAddr>,
-    },
-    /// A serial port.
-    Serial {
-        /// Its path.
-        device: String,
-        /// Bits a second.
-        baud: u32,
-    },
-    /// A CAN interface.
-    Can {
-        /// Its name, as in `can0`.
-        interface: String,
-    },
 }
 
 impl Board {
@@ -257,7 +222,7 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
     let marks = read_airspeeds(&mut airspeeds, problems);
     let terrain_wish = read_terrain(&mut terrain, file, problems);
     let devices = input.flag("devices", problems);
-    let sources = read_sources(sources, file, problems);
+    let sources = sources::read(sources, file, problems);
     for part in [root, screen, view, units, airspeeds, terrain, input] {
         part.finish(problems);
     }
@@ -345,155 +310,18 @@ fn read_terrain(r: &mut Reader, file: &Path, problems: &mut Vec<Problem>) -> Opt
         .optional_text("pack", problems)
         .map(|p| file.parent().unwrap_or(Path::new("")).join(p));
     let vertices = r.choice_of_number("vertices", &[127, 175, 191, 255, 319, 447], problems);
+    let target_px = r.number("target_px", TARGET_PX, problems);
     let upload = r.whole("upload_texels_per_frame", 4096..=1_048_576, problems);
     let awareness = r.flag("awareness", problems);
     let grid = r.flag("grid", problems);
     Some(TerrainWish {
         pack,
         vertices: vertices?,
+        target_px: target_px?,
         upload_texels_per_frame: upload?,
         awareness: awareness?,
         grid: grid?,
     })
-}
-
-fn read_sources(tables: Vec<Reader>, file: &Path, problems: &mut Vec<Problem>) -> Vec<SourceWish> {
-    let mut sources: Vec<SourceWish> = Vec::new();
-    for mut r in tables {
-        let name = r.text("name", problems);
-        let protocol = r.choice("protocol", &Protocol::ALL.map(|p| (p.name(), p)), problems);
-        let endpoint = read_endpoint(&mut r, protocol, problems);
-        let layout = read_layout(&mut r, protocol, file, problems);
-        if let Some(name) = &name
-            && sources.iter().any(|s| s.name == *name)
-        {
-            let why = format!("`{name}` is the name of two sources");
-            problems.push(Problem::new(
-                &r.path("name"),
-                why,
-                "give each source a name of its own",
-            ));
-        }
-        if let (Some(name), Some(protocol), Some(endpoint)) = (name, protocol, endpoint) {
-            sources.push(SourceWish {
-                name,
-                protocol,
-                layout,
-                endpoint,
-            });
-        }
-        r.finish(problems);
-    }
-    if sources.len() > SOURCES_MAX {
-        let why = format!("{} sources", sources.len());
-        problems.push(Problem::new(
-            "source",
-            why,
-            format!("give at most {SOURCES_MAX}"),
-        ));
-    }
-    sources
-}
-
-fn read_endpoint(
-    r: &mut Reader,
-    protocol: Option<Protocol>,
-    problems: &mut Vec<Problem>,
-) -> Option<Endpoint> {
-    let udp =
-        r.optional_parsed::<SocketAddr>("udp", "ADDRESS:PORT, as in 127.0.0.1:5500", problems);
-    let allow = r.optional_list::<IpAddr>("allow", "an IP address", problems);
-    let can = r.optional_text("can", problems);
-    let serial = r.optional_text("serial", problems);
-    let baud = r.optional_number("baud", BAUD_RANGE, problems);
-    let mut given: Vec<(&str, Endpoint)> = Vec::new();
-    given.extend(udp.map(|bind| ("udp", Endpoint::Udp { bind, allow })));
-    given.extend(can.map(|interface| ("can", Endpoint::Can { interface })));
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "in BAUD_RANGE"
-    )]
-    let baud = baud.map_or(BAUD_DEFAULT, |b| b as u32);
-    given.extend(serial.map(|device| ("serial", Endpoint::Serial { device, baud })));
-    if let [(first, _), (second, _), ..] = &given[..] {
-        let why = format!("is given beside {first}");
-        problems.push(Problem::new(&r.path(second), why, "give one of them"));
-        return None;
-    }
-    let Some((_, endpoint)) = given.pop() else {
-        if !r.has_problem(problems) {
-            let todo = "give udp = \"ADDRESS:PORT\", can = \"INTERFACE\" or serial = \"/dev/...\"";
-            problems.push(Problem::new(&r.path(""), "has no endpoint", todo));
-        }
-        return None;
-    };
-    let fits = protocol.is_none_or(|protocol| {
-        matches!(
-            (protocol.carriage(), &endpoint),
-            (Carriage::Can, Endpoint::Can { .. })
-                | (Carriage::Packets | Carriage::Stream, Endpoint::Udp { .. })
-                | (Carriage::Stream, Endpoint::Serial { .. })
-        )
-    });
-    if !fits {
-        let todo = match protocol.map(Protocol::carriage) {
-            Some(Carriage::Can) => "give can = \"INTERFACE\"",
-            Some(Carriage::Packets) => "give udp = \"ADDRESS:PORT\"",
-            Some(Carriage::Stream) | None => "give serial = \"/dev/...\" or udp = \"ADDRESS:PORT\"",
-        };
-        problems.push(Problem::new(
-            &r.path("protocol"),
-            "does not come over that bus",
-            todo,
-        ));
-        return None;
-    }
-    Some(endpoint)
-}
-
-/// Speeds of serial ports that are in use anywhere, bit/s, and the usual one.
-const BAUD_RANGE: std::ops::RangeInclusive<f64> = 300.0..=4_000_000.0;
-const BAUD_DEFAULT: u32 = 115_200;
-
-/// The layout of a source's lines: a file beside the board file, read and tried.
-fn read_layout(
-    r: &mut Reader,
-    protocol: Option<Protocol>,
-    file: &Path,
-    problems: &mut Vec<Problem>,
-) -> Option<String> {
-    let name = r.optional_text("layout", problems)?;
-    let path = file.parent().unwrap_or(Path::new("")).join(&name);
-    let mut problem = |why: String, todo: &str| {
-        problems.push(Problem::new(&r.path("layout"), why, todo));
-        None
-    };
-    if protocol.is_some_and(|p| p != Protocol::FgGeneric) {
-        return problem("is for fg-generic only".to_owned(), "leave it out");
-    }
-    match std::fs::read_to_string(&path) {
-        Err(e) => problem(
-            format!("{} cannot be read: {e}", path.display()),
-            "name a protocol file of FlightGear, beside the board file or with its whole path",
-        ),
-        Ok(text) => match Layout::parse(&text) {
-            Err(e) => problem(format!("{} cannot be used: {e}", path.display()), e.todo()),
-            Ok(_) => Some(text),
-        },
-    }
-}
-
-impl SourceWish {
-    /// A fresh decoder of what it speaks.
-    #[must_use]
-    pub fn decoder(&self) -> Box<dyn Decoder> {
-        let layout = self.layout.as_deref().map(Layout::parse);
-        match layout {
-            Some(Ok(layout)) => Box::new(FgGeneric::new(layout)),
-            _ => self.protocol.decoder(),
-        }
-    }
 }
 
 #[cfg(test)]

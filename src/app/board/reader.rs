@@ -61,12 +61,12 @@ impl Reader {
         }
     }
 
-    /// Whether a problem of this table is already known.
-    pub(super) fn has_problem(&self, problems: &[Problem]) -> bool {
-        problems.iter().any(|p| p.key.starts_with(&self.path))
+    /// Whether the key is given and not taken yet.
+    pub(super) fn has(&self, key: &str) -> bool {
+        self.table.contains_key(key)
     }
 
-    fn take(&mut self, key: &'static str) -> Option<Value> {
+    pub(super) fn take(&mut self, key: &'static str) -> Option<Value> {
         self.known.push(key);
         self.table.remove(key)
     }
@@ -261,21 +261,17 @@ impl Reader {
         self.optional_number(key, range, problems)
     }
 
-    pub(super) fn whole(
+    pub(super) fn optional_whole(
         &mut self,
         key: &'static str,
         range: RangeInclusive<u32>,
         problems: &mut Vec<Problem>,
     ) -> Option<u32> {
         let bounds = f64::from(*range.start())..=f64::from(*range.end());
-        let number = self.number(key, bounds, problems)?;
+        let number = self.optional_number(key, bounds, problems)?;
         if number.fract() != 0.0 {
-            let todo = "give a whole number";
-            problems.push(Problem::new(
-                &self.path(key),
-                format!("{number} has a fraction"),
-                todo,
-            ));
+            let why = format!("{number} has a fraction");
+            problems.push(Problem::new(&self.path(key), why, "give a whole number"));
             return None;
         }
         #[expect(
@@ -284,6 +280,18 @@ impl Reader {
             reason = "whole and within a range of u32"
         )]
         Some(number as u32)
+    }
+
+    pub(super) fn whole(
+        &mut self,
+        key: &'static str,
+        range: RangeInclusive<u32>,
+        problems: &mut Vec<Problem>,
+    ) -> Option<u32> {
+        if !self.has(key) {
+            self.missing(key, problems);
+        }
+        self.optional_whole(key, range, problems)
     }
 
     pub(super) fn choice_of_number(
@@ -336,7 +344,8 @@ impl Reader {
     }
 }
 
-fn a(value: &Value) -> &'static str {
+/// What kind of value it is, in words.
+pub(super) fn a(value: &Value) -> &'static str {
     match value {
         Value::String(_) => "a text",
         Value::Integer(_) => "a whole number",

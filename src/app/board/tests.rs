@@ -35,16 +35,67 @@ fn sources_are_read_with_their_endpoints() {
         name = "adahrs"
         protocol = "canaerospace"
         can = "can0"
+        [[source]]
+        name = "efis"
+        protocol = "dynon-skyview"
+        serial = "/dev/serial/by-id/usb-Maker_Adapter_7-if00-port0"
+        baud = 115200
+        [[source]]
+        name = "tablet"
+        protocol = "gdl90"
+        udp = 4000
         "#,
     )
     .expect("valid");
-    assert_eq!(board.sources.len(), 2);
+    assert_eq!(board.sources.len(), 4);
     assert_eq!(
         board.sources[1].endpoint,
         Endpoint::Can {
             interface: "can0".into()
         }
     );
+    assert_eq!(
+        board.sources[2].endpoint,
+        Endpoint::Serial {
+            path: "/dev/serial/by-id/usb-Maker_Adapter_7-if00-port0".into(),
+            baud: 115_200
+        }
+    );
+    assert_eq!(
+        board.sources[3].endpoint,
+        Endpoint::Udp {
+            bind: ([127, 0, 0, 1], 4000).into(),
+            allow: vec![]
+        },
+        "a port alone is one of the loopback address"
+    );
+}
+
+#[test]
+fn one_can_bus_may_carry_two_protocols_but_nothing_is_heard_twice() {
+    let two = |first: &str, second: &str| {
+        let source = |name, rest| format!("[[source]]\nname = \"{name}\"\n{rest}\n");
+        load(&(source("a", first) + &source("b", second)))
+    };
+    let twice = |one: &str| two(one, one).expect_err("heard twice")[0].clone();
+    for (one, key) in [
+        ("protocol = \"gdl90\"\nudp = \"127.0.0.1:4000\"", "udp"),
+        ("protocol = \"canaerospace\"\ncan = \"can0\"", "can"),
+        (
+            "protocol = \"nmea\"\nserial = \"/dev/ttyS0\"\nbaud = 9600",
+            "serial",
+        ),
+    ] {
+        let problem = twice(one);
+        let what = format!("test.toml: source[1].{key}: ");
+        assert!(problem.starts_with(&what), "{problem}");
+        assert!(problem.contains("is heard by `a` already"), "{problem}");
+    }
+    let other = two(
+        "protocol = \"nmea\"\nserial = \"/dev/ttyS0\"\nbaud = 9600",
+        "protocol = \"nmea\"\nserial = \"/dev/ttyS1\"\nbaud = 9600",
+    );
+    other.expect("two ports");
 }
 
 /// Each slip with what its one line must hold.
@@ -90,6 +141,14 @@ const SLIPS: &[(&str, &[&str])] = &[
         ],
     ),
     (
+        "[terrain]\ntarget_px = 0",
+        &["terrain.target_px: 0 is out of range", "0.05 to 4"],
+    ),
+    (
+        "[terrain]\ntarget_px = \"fine\"",
+        &["terrain.target_px: is a text, not a number"],
+    ),
+    (
         "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"",
         &["source[0]: has no endpoint"],
     ),
@@ -97,7 +156,7 @@ const SLIPS: &[(&str, &[&str])] = &[
         "[[source]]\nname = \"a\"\nprotocol = \"smoke\"\nudp = \"127.0.0.1:1\"",
         &[
             "source[0].protocol: `smoke` is unknown",
-            "fgfdm, canaerospace, can-fix",
+            "fgfdm, canaerospace",
         ],
     ),
     (
@@ -106,22 +165,68 @@ const SLIPS: &[(&str, &[&str])] = &[
     ),
     (
         "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\ncan = \"can0\"",
-        &["source[0].protocol: does not come over that bus"],
-    ),
-    (
-        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"/dev/ttyUSB0\"\nbaud = 42",
-        &["source[0].baud: 42 is", "300 to 4000000"],
-    ),
-    (
-        "[[source]]\nname = \"a\"\nprotocol = \"can-fix\"\nserial = \"/dev/ttyUSB0\"",
         &[
-            "source[0].protocol: does not come over that bus",
-            "give can",
+            "source[0].protocol: does not come over can",
+            "udp = \"ADDRESS:PORT\"",
         ],
     ),
     (
-        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nudp = \"127.0.0.1:1\"\nserial = \"/dev/ttyUSB0\"",
+        "[[source]]\nname = \"a\"\nprotocol = \"canaerospace\"\nserial = \"/dev/ttyS0\"\nbaud = 9600",
+        &[
+            "source[0].protocol: does not come over serial",
+            "can = \"INTERFACE\"",
+        ],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"/dev/ttyS0\"",
+        &["source[0].baud: is missing", "9600 or 115200"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"/dev/ttyS0\"\nbaud = 0",
+        &["source[0].baud: 0 is out of range", "from 50 to 12000000"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"/dev/ttyS0\"\nbaud = -9600",
+        &["source[0].baud: -9600 is out of range"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"/dev/ttyS0\"\nbaud = 9600.5",
+        &["source[0].baud: 9600.5 has a fraction"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"/dev/ttyS0\"\nbaud = \"fast\"",
+        &["source[0].baud: is a text, not a number"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"ttyS0\"\nbaud = 9600",
+        &["source[0].serial: `ttyS0` is no whole path", "by-id"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = 5500\nbaud = 9600",
+        &["source[0].baud: is given without serial"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"canaerospace\"\ncan = \"can0\"\nallow = [\"10.0.0.7\"]",
+        &["source[0].allow: is given without udp"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"gdl90\"\nudp = 4000\nserial = \"/dev/ttyS0\"\nbaud = 9600",
         &["source[0].serial: is given beside udp"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = 0",
+        &["source[0].udp: 0 is no port", "1 to 65535"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = \"127.0.0.1:5500\"\nallow = [\"10.0.0.7\"]",
+        &[
+            "source[0].allow: 10.0.0.7 is never heard on 127.0.0.1:5500",
+            "0.0.0.0",
+        ],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = \"0.0.0.0:5500\"\nallow = [\"fe80::1\"]",
+        &["source[0].allow: fe80::1 is never heard on 0.0.0.0:5500"],
     ),
     (
         "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nudp = \"127.0.0.1:1\"\nlayout = \"x.xml\"",

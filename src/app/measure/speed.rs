@@ -12,7 +12,7 @@
 use crate::app::error::Failure;
 use crate::app::figures::Histogram;
 use crate::app::measure::Progress;
-use crate::app::measure::accuracy::{Scene, measure_scene, scenes};
+use crate::app::measure::accuracy::{Scene, measure_scene, middle, mountains, scenes};
 use crate::app::measure::bench::{Bench, QUOTA};
 use crate::geo::Camera;
 use crate::gl::Gpu;
@@ -37,12 +37,14 @@ pub const VERTICES: [u32; 5] = [63, 127, 191, 255, 383];
 const SPEED_MPS: f64 = 100.0;
 
 /// How much is measured.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Effort {
     /// Frames of each run.
     pub frames: u32,
     /// How far from the eye rays are cast, metres.
     pub reach_m: f64,
+    /// Views that are measured besides.
+    pub views: Vec<Camera>,
 }
 
 /// CPU time of the process or the thread.
@@ -135,11 +137,7 @@ impl Sink for Nowhere {
 }
 
 impl Planner {
-    fn new<S: TileSource>(source: &Arc<S>, shape: Shape) -> Result<Self, Failure> {
-        let settings = Settings {
-            shape,
-            ..Settings::default()
-        };
+    fn new<S: TileSource>(source: &Arc<S>, settings: Settings) -> Result<Self, Failure> {
         let world = World::new(source, settings).map_err(Failure::no_thread)?;
         let nowhere = vec![Nowhere; world.scenes().len()];
         Ok(Self { world, nowhere })
@@ -171,28 +169,30 @@ impl Planner {
     }
 }
 
-/// Measures a source at one size of level: a row for each scene, still and moving.
+/// Measures a source by some settings: a row for each scene, still and moving.
 fn of_source<S: TileSource>(
     gpu: &Rc<Gpu>,
     source: &Arc<S>,
-    shape: Shape,
-    effort: Effort,
+    middle: (f64, f64),
+    settings: Settings,
+    effort: &Effort,
     label: &str,
     progress: &Progress,
 ) -> Result<Vec<Value>, Failure> {
-    let mut bench = Bench::new(gpu, source, shape)?;
-    let mut planner = Planner::new(source, shape)?;
+    let mut bench = Bench::new(gpu, source, settings)?;
+    let mut planner = Planner::new(source, settings)?;
     let mut rows = Vec::new();
-    for scene in scenes(&mut bench, source.as_ref())? {
+    for scene in scenes(&mut bench, source.as_ref(), middle, &effort.views)? {
         progress.say(&format!(
             "{} vertices, {label}: {}",
-            shape.vertices(),
+            settings.shape.vertices(),
             scene.name
         ));
         let (surface, _, _) = measure_scene(&mut bench, source.as_ref(), &scene, effort.reach_m)?;
         let mut row = surface.report();
         row["name"] = json!(format!("{label}: {}", scene.name));
-        row["vertices"] = json!(shape.vertices());
+        row["vertices"] = json!(settings.shape.vertices());
+        row["target_px"] = json!(settings.target_px);
         for (key, moving) in [("still", false), ("moving", true)] {
             let run = draw(&mut bench, &mut planner, &scene, effort.frames, moving)?;
             let part = json!({
@@ -223,7 +223,8 @@ pub fn run<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
     shapes: &[Shape],
-    effort: Effort,
+    target_px: f64,
+    effort: &Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let usual: Vec<Shape> = VERTICES.into_iter().filter_map(Shape::new).collect();
@@ -231,11 +232,21 @@ pub fn run<S: TileSource>(
     let mut rows = Vec::new();
     for (at, &shape) in shapes.iter().enumerate() {
         progress.at("sizes of level", at, shapes.len());
+        let settings = Settings {
+            target_px,
+            ..Settings::from(shape)
+        };
         if let Some(pack) = pack {
-            rows.extend(of_source(gpu, pack, shape, effort, "pack", progress)?);
+            let at = middle(pack.info());
+            rows.extend(of_source(
+                gpu, pack, at, settings, effort, "pack", progress,
+            )?);
         } else {
             let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-            rows.extend(of_source(gpu, &planet, shape, effort, "planet", progress)?);
+            let at = mountains(&planet);
+            rows.extend(of_source(
+                gpu, &planet, at, settings, effort, "planet", progress,
+            )?);
         }
     }
     Ok(json!({

@@ -2,10 +2,11 @@
 //! bilinear surface of the finest posts ([`crate::terrain::truth`]).
 //!
 //! - `surf_px`: at each pixel, the point that is drawn there; its height less the height of the surface at its latitude and
-//!   longitude, times focal length over distance. Pixels nearer than three posts are kept apart (`near`): there, a triangle
-//!   and a bilinear patch through the same posts differ by more than what is measured. Left out is what rests on posts
-//!   that were never measured.
-//!   `finest_px` is the same against the triangles of the finest posts, with diagonals as drawn: what is left when nothing
+//!   longitude, times focal length over distance. Left out is what rests on posts that were never measured, and
+//!   pixels of ground nearer than eight posts, where a cell is more than a hundred pixels wide and a triangle and a
+//!   bilinear patch through the same posts differ by more than what is measured: those are kept apart (`near`), against the
+//!   bilinear surface and against the triangles of the finest posts.
+//!   `finest_px` is the same for all pixels against the triangles of the finest posts, with diagonals as drawn: what is left when nothing
 //!   coarser is drawn and the choice of a triangle instead of a bilinear patch is taken away. Where the source's data ends
 //!   within a cell or two of what is drawn, the cliff to the sea level beyond is in it: apart too (`edge`).
 //! - `range_m`: distance drawn less distance cast, where both meet ground and their difference is no more than a hundredth of
@@ -22,7 +23,9 @@ use crate::terrain::truth::{Cast, Field};
 use serde_json::{Value, json};
 
 /// Nearer than this many posts, errors are kept apart.
-const NEAR_POSTS: f64 = 3.0;
+pub const NEAR_POSTS: f64 = 8.0;
+/// Summits nearer than this many posts are not asked for: a picture shows them as ground.
+const SUMMIT_NEAR_POSTS: f64 = 3.0;
 /// A post is a summit that rises by this much over the posts around it at this many posts.
 const SUMMIT: (usize, f64) = (6, 40.0);
 
@@ -69,8 +72,10 @@ impl Spread {
 pub struct Surface {
     /// Errors of height, pixels.
     pub surf_px: Spread,
-    /// The same nearer than three posts.
+    /// The same nearer than [`NEAR_POSTS`].
     pub near_px: Spread,
+    /// The same there against the triangles of the finest posts.
+    pub near_finest_px: Spread,
     /// The same against the triangles of the finest posts.
     pub finest_px: Spread,
     /// Errors of height where the data ends nearby.
@@ -85,12 +90,8 @@ pub struct Surface {
     pub mismatches: usize,
     /// Errors of the skyline, pixels; `rms` holds the mean.
     pub skyline_px: Spread,
-    /// Summits: how many, and how far the worst is drawn too low, metres and pixels.
-    pub summits: usize,
-    /// See `summits`.
-    pub summit_low_m: f64,
-    /// See `summits`.
-    pub summit_low_px: f64,
+    /// How far each summit in view is drawn too low, the largest in pixels first.
+    pub summits: Vec<Summit>,
 }
 
 impl Surface {
@@ -100,7 +101,9 @@ impl Surface {
         let sky = self.skyline_px;
         json!({
             "surf_px": self.surf_px.report(),
-            "surf_near_px": self.near_px.report(),
+            "near_px": self.near_px.report(),
+            "near_finest_px": self.near_finest_px.report(),
+            "near_posts": NEAR_POSTS,
             "surf_finest_px": self.finest_px.report(),
             "surf_edge_px": self.edge_px.report(),
             "surf_worst": {"column": self.worst.0, "row": self.worst.1, "distance_m": self.worst.2},
@@ -108,7 +111,44 @@ impl Surface {
             "other_hill_pixels": self.other_hill,
             "mismatch_pixels": self.mismatches,
             "skyline_px": {"mean": sky.rms, "p99": sky.p99, "max": sky.max, "columns": sky.count},
-            "summits": {"count": self.summits, "low_m_max": self.summit_low_m, "low_px_max": self.summit_low_px},
+            "summits": self.summits_report(),
+        })
+    }
+}
+
+/// A summit in view.
+#[derive(Clone, Copy, Debug)]
+pub struct Summit {
+    /// Its place and its height in the data.
+    pub place: Geodetic,
+    /// From the eye, metres.
+    pub distance_m: f64,
+    /// How far the drawn surface is below the data there, metres; negative above it.
+    pub low_m: f64,
+    /// The same in the picture, pixels.
+    pub low_px: f64,
+}
+
+impl Surface {
+    fn summits_report(&self) -> Value {
+        let most = |of: fn(&Summit) -> f64| self.summits.iter().map(of).fold(0.0, f64::max);
+        let row = |s: &Summit| {
+            json!({
+                "latitude": s.place.latitude.to_degrees(),
+                "longitude": s.place.longitude.to_degrees(),
+                "height_ellipsoid_m": s.place.height_ellipsoid.0,
+                "distance_m": s.distance_m,
+                "low_m": s.low_m,
+                "low_px": s.low_px,
+            })
+        };
+        json!({
+            "count": self.summits.len(),
+            "low_m_max": most(|s| s.low_m),
+            "low_px_max": most(|s| s.low_px),
+            "low_px_rms": Spread::of(self.summits.iter().map(|s| s.low_px.max(0.0)).collect()).rms,
+            "high_px_max": most(|s| -s.low_px),
+            "worst": self.summits.iter().take(5).map(row).collect::<Vec<_>>(),
         })
     }
 }
@@ -151,6 +191,7 @@ fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: 
     let (spacing_m, width) = (field.spacing_m(), camera.width_px as usize);
     let (mut far, mut near, mut finest, mut edge) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut near_finest = Vec::new();
     let mut worst = 0.0;
     for (at, &range) in drawn.iter().enumerate() {
         let range = f64::from(range);
@@ -172,6 +213,7 @@ fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: 
         finest.push(px(ground.triangle_m));
         if range < NEAR_POSTS * spacing_m {
             near.push(error_px);
+            near_finest.push(px(ground.triangle_m));
             continue;
         }
         far.push(error_px);
@@ -182,6 +224,7 @@ fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: 
     }
     (out.surf_px, out.near_px) = (Spread::of(far), Spread::of(near));
     (out.finest_px, out.edge_px) = (Spread::of(finest), Spread::of(edge));
+    out.near_finest_px = Spread::of(near_finest);
 }
 
 #[expect(
@@ -249,7 +292,7 @@ fn summits(
 ) -> Result<(), Failure> {
     let eye = camera.eye.to_ecef();
     let to_eye = camera.eye_to_ecef().transpose();
-    let near_m = NEAR_POSTS * field.spacing_m();
+    let near_m = SUMMIT_NEAR_POSTS * field.spacing_m();
     let mut points = Points::new(field.summits(SUMMIT.0, SUMMIT.1));
     let drawn = points.heights(bench)?;
     for (at, &height_m) in drawn.iter().enumerate() {
@@ -265,13 +308,15 @@ fn summits(
         if hidden || height_m.is_nan() {
             continue;
         }
-        out.summits += 1;
         let low_m = data.height_ellipsoid.0 - height_m;
-        out.summit_low_m = out.summit_low_m.max(low_m);
-        out.summit_low_px = out
-            .summit_low_px
-            .max(low_m * camera.focal_px() / distance_m);
+        out.summits.push(Summit {
+            place: data,
+            distance_m,
+            low_m,
+            low_px: low_m * camera.focal_px() / distance_m,
+        });
     }
+    out.summits.sort_by(|a, b| b.low_px.total_cmp(&a.low_px));
     Ok(())
 }
 
