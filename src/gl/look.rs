@@ -9,7 +9,7 @@ use glow::HasContext as _;
 
 use super::program::{Program, UniformLocation};
 use super::{GlError, Gpu};
-use crate::terrain::clipmap::Window;
+use crate::terrain::clipmap::{Window, torus_texel};
 use crate::terrain::grid::Grid;
 use crate::units::{Feet, Metres, Radians};
 
@@ -98,24 +98,26 @@ impl Lines {
         Self(fits.map_or(1800, |(minutes, _)| *minutes))
     }
 
-    /// Where a level's cells lie among the lines: the window's origin east and north of a line, and a cell, each in steps
-    /// from one line to the next. Computed in whole posts, so that a line stands on the same posts in every window.
+    /// Where a level's texels lie among the lines: coordinates 0 in its surface of `texels` a side east and north of a line, and
+    /// the whole surface, each in steps from one line to the next. `window`: the origin of what is drawn. Computed in whole posts,
+    /// so that a line stands on the same posts in every window.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "a fraction of a step, and a power of two by a small whole number"
+        clippy::cast_precision_loss,
+        reason = "a few steps, rounded to what the shader takes"
     )]
-    pub(super) fn place(self, grid: Grid, level: u8, window: Window) -> [f32; 3] {
+    pub(super) fn place(self, grid: Grid, level: u8, window: Window, texels: usize) -> [f32; 3] {
         // Posts stand on whole fractions of a degree, all of them multiples of a minute's.
         let step = i64::from(grid.posts_per_degree) * i64::from(self.0) / 60;
+        let cell = fraction(1 << level, step);
         let from_line = |post: i32| {
             let posts = (i64::from(post) << level).rem_euclid(step);
-            (fraction(posts, step)) as f32
+            // The post's texel has its coordinates in its middle.
+            let at = torus_texel(texels, post) as f64 + 0.5;
+            (fraction(posts, step) - at * cell) as f32
         };
-        [
-            from_line(window.i),
-            from_line(window.j),
-            fraction(1 << level, step) as f32,
-        ]
+        let across = texels as f64 * cell;
+        [from_line(window.i), from_line(window.j), across as f32]
     }
 
     /// Minutes of arc from one line to the next.
@@ -354,9 +356,11 @@ mod tests {
                 },
             ),
         ] {
-            let [east, _, cell] = lines.place(grid, level, window);
+            let [east, _, across] = lines.place(grid, level, window, 512);
+            // Coordinates go on beyond 1 where the surface wraps.
             let cells = f64::from((-84_000 >> level) - window.i);
-            let at = f64::from(east) + cells * f64::from(cell);
+            let texel = f64::from(window.i.rem_euclid(512)) + cells + 0.5;
+            let at = f64::from(east) + texel / 512.0 * f64::from(across);
             assert!((at - at.round()).abs() < 1e-5, "{level} {window:?}: {at}");
         }
         for posts_per_degree in crate::terrain::grid::POSTS_PER_DEGREE {

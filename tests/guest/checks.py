@@ -245,8 +245,18 @@ def a_can_bus_appears(bench):
 
 
 @check
+def two_can_controllers_appear(bench):
+    """Emulated boards on one bus, switched on as the manual says."""
+    on = "up type can bitrate 500000 restart-ms 100"
+    bench.succeed(f"modprobe kvaser_pci && ip link set can0 {on} && ip link set can1 {on}")
+    state = bench.succeed("ip -details link show can0")
+    demand("ERROR-ACTIVE" in state and "bitrate 500000" in state, state)
+    return ""
+
+
+@check
 def the_tests_of_the_buses_pass_on_a_can_bus(bench):
-    """Those that say SKIPPED where there is no vcan0, or no virtual knob, have to run here."""
+    """Those that say SKIPPED where there is no vcan0, no CAN controller or no virtual knob have to run here."""
     bench.succeed("modprobe -a uinput evdev")
     names = sorted(name for name in bench.tests if name.startswith("bus_"))
     demand(names, "there is no test program whose name begins with bus_")
@@ -275,6 +285,80 @@ def a_can_interface_that_is_not_there_is_named(bench):
     said = [line for line in job.output().splitlines() if line.startswith("glasswing: ")]
     demand(job.code() == 4 and said and "can9" in said[0], f"it ended with {job.code()}:\n{tail(job.output())}")
     return said[0]
+
+
+@check
+def a_can_interface_that_is_off_is_named_and_how_it_is_switched_on(bench):
+    """By check; run waits for it instead."""
+    bench.succeed("ip link set can1 down")
+    said = refusals(bench, "off", source("adahrs", "canaerospace", 'can = "can1"'))
+    demand("source[0].can: can can1: the interface is switched off (ip link set can1 up" in said, said)
+    return said
+
+
+@check
+def a_speed_that_a_port_does_not_have_is_refused(bench):
+    """The port on the board ends at 115200 baud; the kernel would take another speed without a word."""
+    said = refusals(bench, "speed", source("efis", "dynon-skyview", 'serial = "/dev/ttyS1"\nbaud = 3000000'))
+    demand("source[0].baud: serial /dev/ttyS1: it does not do 3000000 baud, it would do" in said, said)
+    return said
+
+
+@check
+def a_serial_adapter_that_is_pulled_out_is_heard_again_when_it_is_back(bench):
+    """A USB serial adapter under a name that stays, as udev makes it; its node vanishes and comes back."""
+    # ForeFlight attitude: roll 10 degrees, pitch 5.
+    attitude = bytes.fromhex("7E 65 01 00 64 00 32 84 D2 00 5F 00 65 B7 EF 7E")
+    bench.succeed("modprobe -a xhci_pci usbserial ftdi_sio")
+    far_end = bench.guest.plug_in()
+    bench.succeed("until [ -e /dev/ttyUSB0 ]; do sleep 0.2; done; mkdir -p /dev/serial/by-id && "
+                  "ln -s ../../ttyUSB0 /dev/serial/by-id/usb-port0")
+    write_board(bench, "usb", HEADLESS + source("tablet", "gdl90", 'serial = "/dev/serial/by-id/usb-port0"\nbaud = 115200'))
+    command = f"{bench.program} run --board /exchange/usb.toml --seconds 40 --stats /exchange/usb.json"
+    job = bench.guest.start(command)
+    speak(bench, job, far_end, attitude, 15)
+    far_end.close()
+    bench.succeed("until [ ! -e /dev/ttyUSB0 ]; do sleep 0.2; done")
+    far_end = bench.guest.plug_in()
+    bench.succeed("until [ -e /dev/ttyUSB0 ]; do sleep 0.2; done")
+    speak(bench, job, far_end, attitude, None)
+    far_end.close()
+    with open(bench.keep("usb.json")) as file:
+        row = json.load(file)["sources"][0]
+    found = json.dumps(row)
+    demand(row["reopened"] >= 1 and row["device_events"].get("lost", 0) >= 1, f"it was not lost and found: {found}")
+    demand(row["state"] == "open" and row["good"] > 100, f"it is not heard: {found}")
+    demand(row["bad"] <= 4, f"more is bad than what was cut by pulling it out: {found}")
+    return found
+
+
+HEADLESS = '[screen]\nkind = "surfaceless"\n'
+
+
+def source(name, protocol, endpoint):
+    """A source of a board file."""
+    return f'[[source]]\nname = "{name}"\nprotocol = "{protocol}"\n{endpoint}\n'
+
+
+def refusals(bench, name, text):
+    """What check says of a board file with a source that refuses: the first line."""
+    write_board(bench, name, HEADLESS + text)
+    job = bench.run(f"{bench.program} check --board /exchange/{name}.toml")
+    said = [line for line in job.output().splitlines() if line.startswith("glasswing: ")]
+    demand(job.code() == 4 and len(said) == 1, f"it ended with {job.code()}:\n{tail(job.output())}")
+    return said[0]
+
+
+def speak(bench, job, line, message, seconds):
+    """Sends a message ten times a second, for so many seconds or until the job has ended well."""
+    until = time.monotonic() + (seconds or PATIENCE_S)
+    while time.monotonic() < until and job.code() is None:
+        line.sendall(message)
+        time.sleep(0.1)
+    if seconds is None:
+        demand(job.code() == 0, f"it ended with {job.code()}:\n{tail(job.output())}")
+    else:
+        demand(job.code() is None, f"it ended with {job.code()}:\n{tail(job.output())}")
 
 
 def write_board(bench, name, text):

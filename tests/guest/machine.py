@@ -229,6 +229,12 @@ class Machine:
             "-chardev", f"socket,id=control,path={self.folder}/control,server=on,wait=off",
             "-qmp", f"unix:{self.folder}/monitor,server=on,wait=off",
             "-device", f"virtio-gpu-pci,xres={width_px},yres={height_px}",
+            # A USB socket for a serial adapter, which is plugged in while the host holds its far end; a port on the board.
+            "-device", "qemu-xhci",
+            "-chardev", f"socket,id=usb,path={self.folder}/usb,server=on,wait=off", "-device", "usb-serial,chardev=usb",
+            "-chardev", "null,id=line", "-device", "isa-serial,chardev=line",
+            # Two CAN controllers on one bus.
+            "-object", "can-bus,id=bus", "-device", "kvaser_pci,canbus=bus", "-device", "kvaser_pci,canbus=bus",
             "-device", "virtio-keyboard-pci", "-device", "virtio-tablet-pci", "-device", "virtio-rng-pci",
         ]  # fmt: skip
 
@@ -268,6 +274,10 @@ class Machine:
                 raise GuestError(f"QEMU refuses {command}: {answer['error']['desc']}")
             if "return" in answer:
                 return
+
+    def plug_in(self):
+        """Plugs the USB serial adapter in; its far end. Closing that pulls it out."""
+        return self._connect("usb")
 
     def screenshot(self, path):
         """Writes what the guest's display shows now, as PNG, taken from the scanout by the host."""

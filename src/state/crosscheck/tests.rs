@@ -95,7 +95,7 @@ fn level_attitude_in_a_standard_turn_is_found_within_nine_seconds() {
         turn_degrees: 0.0,
         ..TURNING
     };
-    assert!(bench.fly(20, straight).is_ok(), "straight and level");
+    assert!(bench.fly(20, straight).is_ok(), "straight");
     assert!(bench.fly(5, TURNING).is_ok(), "not at once");
     assert_eq!(bench.fly(4, TURNING), Err(Invalid::Implausible));
     // Straight flight proves nothing; a bank does.
