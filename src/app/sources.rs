@@ -6,7 +6,7 @@ use crate::bus::{
     self, BAD_KINDS, BusError, Decode, Endpoint, Event, Link, SourceConfig, SourceFigures,
     SourceHandle, SourceThread, Tally,
 };
-use crate::proto::{Counters, Fault, Protocol};
+use crate::proto::{Counters, Decoder, Fault, Protocol};
 use crate::signal::SourceId;
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
@@ -20,12 +20,11 @@ pub fn listen_to(board: &Board, index: usize, wish: &SourceWish) -> Result<Sourc
     // A board file has at most SOURCES_MAX sources, which fit a byte.
     let id = SourceId(u8::try_from(index).unwrap_or(u8::MAX));
     let (name, protocol) = (wish.name.as_str(), wish.protocol);
+    let decoder = wish.decoder();
     let opened = match &wish.endpoint {
-        board::Endpoint::Udp { bind, allow } => {
-            listen_udp(name, id, protocol, *bind, allow.clone())
-        }
+        board::Endpoint::Udp { bind, allow } => listen_udp(name, id, decoder, *bind, allow.clone()),
         board::Endpoint::Can { interface } => listen_can(name, id, protocol, interface),
-        board::Endpoint::Serial { path, baud } => listen_serial(name, id, protocol, path, *baud),
+        board::Endpoint::Serial { path, baud } => listen_serial(name, id, decoder, path, *baud),
     };
     opened.map_err(|e| refusal(board, index, wish, e))
 }
@@ -49,11 +48,11 @@ pub fn refusal(board: &Board, index: usize, wish: &SourceWish, e: BusError) -> F
 pub fn listen_udp(
     name: &str,
     id: SourceId,
-    protocol: Protocol,
+    decoder: impl Into<Box<dyn Decoder>>,
     bind: SocketAddr,
     allow: Vec<IpAddr>,
 ) -> Result<SourceHandle, BusError> {
-    listen(name, id, protocol, Endpoint::Udp { bind, allow })
+    listen(name, id, decoder, Endpoint::Udp { bind, allow })
 }
 
 /// Listens to a CAN interface, to the identifiers that the protocol has a use for. See [`bus::spawn`].
@@ -80,12 +79,12 @@ pub fn listen_can(
 pub fn listen_serial(
     name: &str,
     id: SourceId,
-    protocol: Protocol,
+    decoder: impl Into<Box<dyn Decoder>>,
     path: &str,
     baud: u32,
 ) -> Result<SourceHandle, BusError> {
     let path = path.to_owned();
-    listen(name, id, protocol, Endpoint::Serial { path, baud })
+    listen(name, id, decoder, Endpoint::Serial { path, baud })
 }
 
 /// Listens to any endpoint. See [`bus::spawn`].
@@ -95,7 +94,7 @@ pub fn listen_serial(
 pub fn listen(
     name: &str,
     id: SourceId,
-    protocol: Protocol,
+    decoder: impl Into<Box<dyn Decoder>>,
     endpoint: Endpoint,
 ) -> Result<SourceHandle, BusError> {
     let config = SourceConfig {
@@ -103,12 +102,11 @@ pub fn listen(
         id,
         endpoint,
     };
-    bus::spawn(config, decode(protocol))
+    bus::spawn(config, decode(decoder.into()))
 }
 
-/// A bus's view of a protocol's decoder.
-fn decode(protocol: Protocol) -> Decode {
-    let mut decoder = protocol.decoder();
+/// A bus's view of a decoder.
+fn decode(mut decoder: Box<dyn Decoder>) -> Decode {
     Box::new(move |frame, sink| {
         decoder.push(frame, &mut |signal| sink(signal));
         let counters = decoder.counters();

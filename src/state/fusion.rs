@@ -50,7 +50,7 @@ impl Fusion {
         Self {
             heard: Heard {
                 order,
-                said: [[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
+                said: vec![[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
                 stillness: vec![Stillness::new(); SOURCES_MAX],
                 contradicted: [false; SOURCES_MAX],
             },
@@ -112,7 +112,7 @@ impl Fusion {
 #[derive(Clone, Debug)]
 struct Heard {
     order: ArrayVec<SourceId, SOURCES_MAX>,
-    said: [[Sampled<f64>; Parameter::COUNT]; SOURCES_MAX],
+    said: Vec<[Sampled<f64>; Parameter::COUNT]>,
     stillness: Vec<Stillness>,
     /// Sources whose attitude is refuted.
     contradicted: [bool; SOURCES_MAX],

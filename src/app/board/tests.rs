@@ -228,6 +228,14 @@ const SLIPS: &[(&str, &[&str])] = &[
         "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = \"0.0.0.0:5500\"\nallow = [\"fe80::1\"]",
         &["source[0].allow: fe80::1 is never heard on 0.0.0.0:5500"],
     ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nudp = \"127.0.0.1:1\"\nlayout = \"x.xml\"",
+        &["source[0].layout: is for fg-generic only"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fg-generic\"\nudp = \"127.0.0.1:1\"\nlayout = \"no-such.xml\"",
+        &["source[0].layout:", "no-such.xml cannot be read"],
+    ),
     ("screen = 3", &["screen: is a whole number", "[screen]"]),
     ("[view", &["test.toml:1:"]),
 ];
