@@ -162,14 +162,14 @@ pub fn speed(value: &Value) -> Vec<Plot> {
     let n = "vertices along a side of a level";
     let panels = [
         (
-            "frame still, ms (median)",
+            "CPU time a frame, still, ms",
             n,
-            over_vertices(value, &["still", "frame_ms", "p50"]),
+            over_vertices(value, &["still", "process_ms"]),
         ),
         (
-            "frame moving, ms (median)",
+            "CPU time a frame, moving, ms",
             n,
-            over_vertices(value, &["moving", "frame_ms", "p50"]),
+            over_vertices(value, &["moving", "process_ms"]),
         ),
         ("triangles", n, over_vertices(value, &["triangles"])),
         (
