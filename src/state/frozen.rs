@@ -8,8 +8,9 @@
 //! angles of attack and sideslip, a compensated variometer, latitude and longitude. *Calm* ones may: headings, heights, vertical and ground speed, track. A
 //! parameter is frozen, with at least three repeats, when one of these holds:
 //!
-//! 1. **The whole source stands still.** It sends pitch and roll, or latitude and longitude, and all of its restless and calm
-//!    parameters have repeated for 3 s. All of them are frozen.
+//! 1. **The whole source stands still.** It sends latitude and longitude, or pitch and roll of which one has been noisy or has
+//!    moved by less than half a degree before, and all of its restless and calm parameters have repeated for 3 s. All of
+//!    them are frozen.
 //! 2. **Noise has ended.** A restless parameter that used to change direction twice a second or more, over 10 s of flight,
 //!    has repeated for 4 s. (The longest repeat of pitch in a recorded flight of a Dynon `SkyView`, in steps of 0.1 degrees,
 //!    is 3.2 s, of roll 2.6 s.)
@@ -17,7 +18,7 @@
 //!    floating-point values are, and whole tenths of a degree are not) has repeated for 10 s.
 //!
 //! The first new value ends it at once. Limits: a coarse parameter without noise (whole degrees) that stops alone is not
-//! found, because smooth flight looks the same; nor is a calm one that stops alone, nor anything below 15 m/s. A simulator
+//! found, because smooth flight looks the same, nor is attitude that has never moved at all; nor is a calm one that stops alone, nor anything below 15 m/s. A simulator
 //! that is paused in flight is found: what it says does not move, and it says that it flies.
 
 use crate::signal::Parameter as P;
@@ -34,6 +35,8 @@ pub const NOISY_STILL: Duration = Duration::from_secs(4);
 pub const FINE_STILL: Duration = Duration::from_secs(10);
 /// How often at least.
 const REPEATS_MIN: u32 = 3;
+/// Attitude in steps below this, half a degree, does not repeat as a whole in the air; in whole degrees it does.
+const ATTITUDE_STEP: f64 = 0.0087;
 /// Noise is looked for over this time of flight,
 const NOISE_WINDOW: Duration = Duration::from_secs(10);
 /// in which the value changes direction so often.
@@ -193,7 +196,12 @@ impl Stillness {
         let watched = |p: P| nature(p) != Nature::Still && fresh(p);
         let still = |p: P| self.traces[p.index()].still(flying_since, now);
         let pair = |a: P, b: P| watched(a) && watched(b);
-        let telling = pair(P::Pitch, P::Roll) || pair(P::Latitude, P::Longitude);
+        let lively = |p: P| {
+            let trace = &self.traces[p.index()];
+            trace.noisy || (trace.step > 0.0 && trace.step < ATTITUDE_STEP)
+        };
+        let attitude = pair(P::Pitch, P::Roll) && (lively(P::Pitch) || lively(P::Roll));
+        let telling = attitude || pair(P::Latitude, P::Longitude);
         let whole = telling
             && P::ALL
                 .iter()

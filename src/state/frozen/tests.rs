@@ -225,6 +225,23 @@ fn smooth_flight_in_whole_degrees_is_not_frozen() {
 }
 
 #[test]
+fn attitude_alone_in_whole_degrees_is_not_frozen() {
+    let mut bench = Bench::new();
+    for minute in 0..5 {
+        let step = f64::from(minute % 2).to_radians();
+        let state = bench.fly(60, 50.0, |bench, _| {
+            bench.say(A, P::Pitch, step);
+            bench.say(A, P::Roll, -step);
+        });
+        assert_eq!(
+            state.read(P::Pitch, bench.now()),
+            Ok(step),
+            "minute {minute}"
+        );
+    }
+}
+
+#[test]
 fn settings_and_engines_may_stand_for_hours() {
     let mut bench = Bench::new();
     let state = bench.fly(600, 50.0, |bench, _| {
@@ -254,6 +271,7 @@ fn silence_is_stale_not_frozen() {
 #[test]
 fn another_source_is_taken_instead_of_a_frozen_one() {
     let mut bench = Bench::new();
+    bench.fly(20, 50.0, noisy);
     let state = bench.fly(5, 50.0, |bench, t| {
         bench.say(A, P::Pitch, 0.03);
         bench.say(A, P::Roll, 0.0);
