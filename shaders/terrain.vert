@@ -28,10 +28,6 @@ out vec3 v_position;
 #ifdef RECORD
 out vec4 v_vertex;            // cell east and north, height above the anchor in m, blend
 #endif
-#ifdef GRID
-uniform vec3 lines_at;        // the window's origin among the lines, east and north; a cell; steps from line to line
-out vec2 v_lines;             // position among the lines: whole numbers are on one
-#endif
 
 invariant gl_Position;
 
@@ -58,8 +54,8 @@ void main() {
     // z and x of the sphere through the anchor; then what the radius of curvature has more than there, and the height.
     vec2 across = column.xy + row.x * column.zw;
     vec3 up = vec3(row.z * column.w, row.w, row.z * column.z);
-    float x = bulge.x * across.x * (up.z + bulge.y);
-    float more = x * (1.0 + 0.75 * x) * bulge.z;
+    float more = bulge.x * across.x * (up.z + bulge.y);
+    more += more * more * bulge.z;
     vec3 p = origin + vec3(across.y, row.y, bulge.w * across.x)
         + vec2(more + rise, 0.9933056 * more + rise).xxy * up;
 #else
@@ -76,8 +72,5 @@ void main() {
 #endif
 #ifdef RECORD
     v_vertex = vec4(at, rise * scale.x, blend);
-#endif
-#ifdef GRID
-    v_lines = at * lines_at.z + lines_at.xy;
 #endif
 }

@@ -364,6 +364,28 @@ fn message_codes_tell_lost_repeated_and_frozen_frames() {
 }
 
 #[test]
+fn a_sequence_that_stands_still_is_frozen_after_the_parameters_greatest_age() {
+    let mut bench = Bench::default();
+    let at = |bench: &mut Bench, ms, code| {
+        bench.now_ms = ms;
+        bench.one(float(311, code, 1.0)).1
+    };
+    for (ms, code) in [(1000, 7), (1020, 8), (1320, 8)] {
+        assert!(at(&mut bench, ms, code).is_ok(), "{ms} ms");
+    }
+    assert_eq!(at(&mut bench, 1321, 8), Err(Invalid::Frozen));
+    let mut other = float(311, 40, 2.0);
+    other.data[0] = 9;
+    bench.now_ms = 1330;
+    assert!(bench.one(other).1.is_ok(), "another node takes over");
+    // A sender that never counts is no worse for it.
+    let mut bench = Bench::default();
+    for ms in (1000..9000).step_by(20) {
+        assert!(at(&mut bench, ms, 0).is_ok(), "{ms} ms");
+    }
+}
+
+#[test]
 fn a_redundant_node_takes_over_when_the_first_fails_or_falls_silent() {
     let from = |node: u8, x| {
         let mut frame = float(311, 0, x);

@@ -137,9 +137,12 @@ impl Cockpit {
                 _ => Shown::off(Terrain::NoCamera),
             };
             (self.ui.terrain, self.ui.terrain_caution) = (shown.terrain, shown.caution);
-            if shown != Shown::WELL {
-                model = Model::build(state, &self.ui, &self.config, now);
+            if shown == Shown::WELL {
+                let above = camera.zip(self.vision.as_ref());
+                self.ui.height_above_ground =
+                    above.and_then(|(camera, vision)| vision.height_above_ground(&camera.eye));
             }
+            model = Model::build(state, &self.ui, &self.config, now);
         }
         let listing = Monotonic::read();
         self.instruments.list(&model);
@@ -176,6 +179,7 @@ impl Cockpit {
             Terrain::NoPack
         };
         self.ui.terrain_caution = None;
+        self.ui.height_above_ground = None;
         let model = Model::build(state, &self.ui, &self.config, now);
         let camera = self.camera(&model);
         (model, camera)

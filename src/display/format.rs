@@ -98,6 +98,12 @@ pub fn compass_label(degrees: i64) -> Text {
     }
 }
 
+/// A height to the nearest ten feet.
+#[must_use]
+pub fn tens_of_feet(height: Feet) -> Text {
+    mark(whole(height.0 / 10.0) * 10)
+}
+
 /// A source by its place in the board file, from 1.
 #[must_use]
 pub fn source_label(source: SourceId) -> Text {

@@ -183,6 +183,8 @@ pub struct Model {
     pub svs: Result<CameraInputs, SvsOff>,
     /// What is to be said of the terrain, where it is shown.
     pub svs_caution: Option<TerrainCaution>,
+    /// Above the ground: as received, else above the terrain that is drawn; `None` where neither is to be had.
+    pub height_above_ground: Option<Feet>,
     /// What is to be said of values that are shown.
     pub notes: Notes,
     /// Limiting speeds.
@@ -215,6 +217,11 @@ impl Model {
         };
         Self {
             notes: notes(state, now, shown),
+            height_above_ground: state
+                .height(P::HeightAgl, now)
+                .ok()
+                .or(ui.height_above_ground)
+                .map(format::feet),
             attitude,
             slip: state.read(P::LateralAcceleration, now).map(|g| Slip {
                 ball_widths: -g / 0.1,
@@ -283,7 +290,13 @@ fn attitude(state: &FlightState, now: Monotonic) -> Result<PitchRoll, Invalid> {
 }
 
 fn heading(state: &FlightState, now: Monotonic) -> Result<Heading, Invalid> {
-    let from = |parameter, north| state.angle(parameter, now).map(|angle| (angle, north));
+    // What was turned from one north to the other is for the camera: the pilot sees the heading that a source gives.
+    let from = |parameter, north| {
+        if state.is_derived(parameter) {
+            return Err(Invalid::NeverReceived);
+        }
+        state.angle(parameter, now).map(|angle| (angle, north))
+    };
     let ((angle, north), reverted) = first_valid([
         from(P::HeadingTrue, North::True),
         from(P::HeadingMagnetic, North::Magnetic),

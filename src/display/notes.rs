@@ -13,6 +13,8 @@ pub enum NoteKind {
     Miscompare,
     /// It comes from this source because a better one is lost.
     Fallback(SourceId),
+    /// No source gives it: it is worked out from others.
+    Derived,
 }
 
 /// One line for the pilot.
@@ -38,10 +40,13 @@ const FALLBACKS: [(&str, &[P]); 7] = [
     ("TRK", &[P::GroundSpeed, P::Track]),
 ];
 
-/// The most lines that there can be: four disagreements (pitch and roll share one) and every loss.
-pub const NOTES_MAX: usize = 4 + FALLBACKS.len();
+/// The shown quantities that may be worked out.
+const DERIVED: [(&str, P); 2] = [("VS", P::VerticalSpeed), ("TRK", P::Track)];
 
-/// All lines, disagreements first.
+/// The most lines that there can be: four disagreements (pitch and roll share one), every loss, and what is worked out.
+pub const NOTES_MAX: usize = 4 + FALLBACKS.len() + DERIVED.len();
+
+/// All lines, disagreements first, then losses.
 pub type Notes = ArrayVec<Note, NOTES_MAX>;
 
 /// What is to be said at `now`. `shown` says whether the instrument of a parameter shows it.
@@ -76,6 +81,12 @@ pub(super) fn notes(state: &FlightState, now: Monotonic, shown: impl Fn(P) -> bo
             kind: NoteKind::Fallback(source),
         }));
     }
+    let derived = |p: P| state.is_derived(p) && state.read(p, now).is_ok();
+    let worked_out = DERIVED.iter().filter(|(_, p)| derived(*p));
+    notes.extend(worked_out.map(|(about, _)| Note {
+        about,
+        kind: NoteKind::Derived,
+    }));
     notes
 }
 
@@ -94,12 +105,23 @@ mod tests {
             state.set_fallback(p, true);
         }
         state.set_miscompares([true; Compared::COUNT]);
-        assert_eq!(notes(&state, NOW, |_| true).len(), NOTES_MAX, "all lines");
+        // What has a source that is lost is not worked out: these exclude each other.
+        let most = NOTES_MAX - DERIVED.len();
+        assert_eq!(notes(&state, NOW, |_| true).len(), most, "all lines");
         assert_eq!(
             notes(&state, NOW, |_| false).len(),
             4,
             "none of what is not shown"
         );
+    }
+
+    #[test]
+    fn what_is_worked_out_says_so() {
+        let mut state = FlightState::empty();
+        state.set_derived(P::VerticalSpeed, Sampled::good(1.0, NOW));
+        let kind = NoteKind::Derived;
+        let expected = [Note { about: "VS", kind }];
+        assert_eq!(notes(&state, NOW, |_| true).as_slice(), expected);
     }
 
     #[test]

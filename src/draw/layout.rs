@@ -35,6 +35,8 @@ pub struct Layout {
     pub altitude_title: Rect,
     /// Barometric setting.
     pub baro: Rect,
+    /// Height above the ground.
+    pub height_above_ground: Rect,
     /// Vertical speed scale.
     pub vertical_speed: Rect,
     /// Heading tape.
@@ -88,6 +90,7 @@ impl Layout {
             altitude_title: right(186.0, -226.0, 108.0, 24.0),
             altitude: right(186.0, -200.0, 108.0, 400.0),
             baro: right(186.0, 206.0, 108.0, 26.0),
+            height_above_ground: right(186.0, 238.0, 130.0, 24.0),
             vertical_speed: right(76.0, -150.0, 52.0, 300.0),
             heading: middle(-240.0, 250.0, 480.0, 42.0),
             heading_window: middle(-46.0, 217.0, 92.0, 32.0),
@@ -112,13 +115,14 @@ impl Layout {
 
     /// All rectangles, for checks.
     #[must_use]
-    pub const fn rects(&self) -> [Rect; 14] {
+    pub const fn rects(&self) -> [Rect; 15] {
         [
             self.airspeed_title,
             self.airspeed,
             self.altitude_title,
             self.altitude,
             self.baro,
+            self.height_above_ground,
             self.vertical_speed,
             self.heading,
             self.heading_window,
@@ -151,7 +155,7 @@ mod tests {
             for (i, a) in rects.iter().enumerate() {
                 assert!(a.min.min_element() >= 0.0, "{w}x{h}: {i} {a:?}");
                 assert!(a.max.cmple(layout.size).all(), "{w}x{h}: {i} {a:?}");
-                for (j, b) in rects[..12].iter().enumerate() {
+                for (j, b) in rects[..13].iter().enumerate() {
                     let apart = a.max.cmple(b.min).any() || b.max.cmple(a.min).any();
                     assert!(i == j || apart, "{w}x{h}: {i} {a:?} on {j} {b:?}");
                 }

@@ -41,6 +41,7 @@ pub fn draw(model: &Model, layout: &Layout, atlas: &Atlas, list: &mut DrawList) 
     vsi::draw(&mut pen, model);
     heading::draw(&mut pen, model);
     heading::draw_ground(&mut pen, model);
+    heading::draw_height_above_ground(&mut pen, model);
     notes::draw(&mut pen, model);
 }
 

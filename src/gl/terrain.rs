@@ -352,7 +352,8 @@ impl TerrainRenderer {
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
             if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
-                let place = lines.place(scene.grid(), level.level, level.window);
+                let texels = scene.settings().shape.texels();
+                let place = lines.place(scene.grid(), level.level, level.window, texels);
                 shader.program.set_f32(at, &place);
             }
             for slice in &level.slices {

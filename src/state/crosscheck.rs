@@ -10,7 +10,7 @@
 //! - the ground speed is 25 m/s or more (no taxiing), and
 //! - the bank that belongs to the turn, less what the lateral accelerometer explains, is more than 10 degrees: a turn of
 //!   2 degrees a second at 50 m/s. The turn is seen in the track over the last 3 s or, if that is not to be had, in
-//!   the yaw rate of another source.
+//!   the turn rate or yaw rate of another source.
 //!
 //! Then its pitch and roll are [`Invalid::Implausible`](crate::sampled::Invalid::Implausible), and another source is taken
 //! if there is one. It is believed again after it has shown a bank of 3 degrees or more for 5 s; straight flight alone proves nothing.
@@ -76,10 +76,11 @@ impl CrossCheck {
         let felt = state.read(P::LateralAcceleration, now).unwrap_or(0.0);
         for &source in sources {
             let turn = self.turn_radps().or_else(|| {
-                let others = sources.iter().filter(|other| **other != source);
-                others
-                    .filter_map(|other| said(*other, P::YawRate).ok())
-                    .next()
+                let mut others = sources.iter().filter(|other| **other != source);
+                others.find_map(|other| {
+                    let turn = said(*other, P::TurnRate);
+                    turn.or_else(|_| said(*other, P::YawRate)).ok()
+                })
             });
             let evidence = match said(source, P::Roll) {
                 Ok(roll) if roll.abs().to_degrees() >= LEVEL_DEGREES => Evidence::Against,

@@ -11,6 +11,7 @@
 //! | vertical speed | pressure altitudes of the last 2 s | straight line through them by least squares; in standard air, as any variometer |
 //! | magnetic variation | position, date | World Magnetic Model: [`magnetic`] |
 //! | true, magnetic heading | the other one and the variation | true = magnetic + variation, east positive |
+//! | height above the ground | position, geometric height, terrain | the eye's height less that of the terrain under it, both above the ellipsoid; done where the terrain is (`app::cockpit`) |
 //! | wind | true airspeed, true heading, ground speed, track | velocity over the ground less that through the air, which is taken to be along the heading (no sideslip) |
 //!
 //! A derived value has the time of receipt of the input named first above that is not a constant of the day.
@@ -75,6 +76,7 @@ impl Deriver {
         });
         fill(state, now, P::TrueAirspeed, true_airspeed);
         fill(state, now, P::DensityAltitude, density_altitude);
+        fill(state, now, P::HeightAgl, height_above_ground);
         fill(state, now, P::WindSpeed, |s| {
             wind(s).map(|(speed, _, at)| (speed, at))
         });
@@ -276,6 +278,16 @@ fn density_altitude(inputs: &Inputs<'_>) -> Answer {
     let pressure = atmosphere::pressure_at(Metres(altitude));
     let density = atmosphere::density_altitude(pressure, Kelvin(temperature));
     Ok((density.0, at))
+}
+
+/// The ground is known only where terrain is drawn, which is no state: here it is only said what else would be missing.
+fn height_above_ground(inputs: &Inputs<'_>) -> Answer {
+    inputs.get(P::Latitude)?;
+    inputs.get(P::Longitude)?;
+    inputs
+        .get(P::HeightEllipsoid)
+        .or_else(|_| inputs.get(P::AltitudeMsl))?;
+    Err(missing(P::HeightAgl, Invalid::NeverReceived))
 }
 
 /// Speed, direction it comes from, and time.

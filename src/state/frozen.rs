@@ -4,8 +4,8 @@
 //! airspeed of as much. Only the time in flight counts; on the ground, parked, or with a simulator at rest nothing is ever
 //! called frozen. Silence is not stillness: what gets no frames goes stale by its age, as everything does.
 //!
-//! *Restless* parameters never repeat for long in the air: pitch, roll, body rates, accelerations, airspeeds, angles of
-//! attack and sideslip, latitude and longitude. *Calm* ones may: headings, heights, vertical and ground speed, track. A
+//! *Restless* parameters never repeat for long in the air: pitch, roll, body and turn rates, accelerations, slip, airspeeds,
+//! angles of attack and sideslip, a compensated variometer, latitude and longitude. *Calm* ones may: headings, heights, vertical and ground speed, track. A
 //! parameter is frozen, with at least three repeats, when one of these holds:
 //!
 //! 1. **The whole source stands still.** It sends pitch and roll, or latitude and longitude, and all of its restless and calm
@@ -58,6 +58,9 @@ const fn nature(parameter: P) -> Nature {
         | P::LongitudinalAcceleration
         | P::LateralAcceleration
         | P::NormalAcceleration
+        | P::TurnRate
+        | P::SlipBall
+        | P::TotalEnergyVerticalSpeed
         | P::Sideslip
         | P::AngleOfAttack
         | P::IndicatedAirspeed
@@ -73,7 +76,8 @@ const fn nature(parameter: P) -> Nature {
         | P::AltitudeMsl
         | P::HeightEllipsoid
         | P::GroundSpeed
-        | P::Track => Nature::Calm,
+        | P::Track
+        | P::TrackMagnetic => Nature::Calm,
         _ => Nature::Still,
     }
 }

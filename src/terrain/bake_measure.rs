@@ -197,7 +197,7 @@ fn note(tiles: &mut BTreeMap<TileKey, f32>, held: Option<(TileKey, f64)>, error_
 
 /// Quanta of the surface at a place, and whether a corner is void.
 fn surface(patch: &Patch, place: (f64, f64)) -> Option<(f64, bool)> {
-    let corners = patch.corners(place)?;
+    let corners = patch.corners(place, false)?;
     let (mut height, mut is_void) = (0.0, false);
     for (at, weight) in corners {
         if weight > 0.0 {

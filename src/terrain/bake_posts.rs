@@ -41,9 +41,9 @@ impl Patch {
         )
     }
 
-    /// The triangle over a place in level-0 posts, with the diagonals that are drawn (see [`crate::terrain::blocks`]);
-    /// `None` outside the patch.
-    pub(crate) fn corners(&self, (x, y): (f64, f64)) -> Option<Corners> {
+    /// The triangle over a place in level-0 posts, with the diagonals that are drawn (see [`crate::terrain::blocks`]), or
+    /// with the `other` ones; `None` outside the patch.
+    pub(crate) fn corners(&self, (x, y): (f64, f64), other: bool) -> Option<Corners> {
         let step = f64::from(1_u32 << self.level);
         let (x, y) = (x / step, y / step);
         let (i, j) = (whole(x.floor()), whole(y.floor()));
@@ -57,7 +57,7 @@ impl Patch {
         if column + 1 >= self.columns || ne >= self.posts.len() {
             return None;
         }
-        let even = (i + j).rem_euclid(2) == 0;
+        let even = ((i + j).rem_euclid(2) == 0) != other;
         Some(match (even, fx >= fy, fx + fy <= 1.0) {
             (true, true, _) => [(sw, 1.0 - fx), (se, fx - fy), (ne, fy)],
             (true, false, _) => [(sw, 1.0 - fy), (nw, fy - fx), (ne, fx)],

@@ -110,7 +110,11 @@ impl<'a> Raiser<'a> {
             for at in 0..self.near.len() {
                 let summit = self.near[at];
                 let (x, y) = summit.place(tile);
-                self.serve(key.level, (x + f64::from(shift), y), summit.quanta);
+                let place = (x + f64::from(shift), y);
+                self.serve(key.level, place, summit.quanta, false);
+                if key.partition == Partition::Geographic && turns_diagonals(self.grid, key.level) {
+                    self.serve(key.level, place, summit.quanta, true);
+                }
             }
         }
         let mut tile = Tile::filled(self.posts.sea(), SurfaceKind::Void);
@@ -176,9 +180,9 @@ impl<'a> Raiser<'a> {
         found
     }
 
-    /// Raises the corners under a summit at a place in level-0 posts.
-    fn serve(&mut self, level: u8, place: (f64, f64), quanta: u16) {
-        let Some(corners) = self.patch.corners(place) else {
+    /// Raises the corners under a summit at a place in level-0 posts; see [`Patch::corners`] for `other`.
+    fn serve(&mut self, level: u8, place: (f64, f64), quanta: u16, other: bool) {
+        let Some(corners) = self.patch.corners(place, other) else {
             return;
         };
         let mut heights = [0.0; 3];
@@ -201,6 +205,13 @@ impl<'a> Raiser<'a> {
             self.raised[at] = self.raised[at].max(height);
         }
     }
+}
+
+/// Whether a level has an odd number of columns around the Earth: seen across the date line, its diagonals run the other way,
+/// and a summit must be served whichever way they run.
+fn turns_diagonals(grid: Grid, level: u8) -> bool {
+    let around = grid.posts_around();
+    around % (1 << level) == 0 && (around >> level) % 2 != 0
 }
 
 /// Raises heights that are below `top`, none above it, in proportion to their weights, until their mean is `target`.

@@ -43,7 +43,7 @@
 //! | 1 | u8 | partition: 0 geographic, 1 north cap, 2 south cap ([`Partition`]); 2 bytes of zero follow |
 //! | 4, 8 | i32, i32 | tile column, tile row |
 //! | 12, 14 | u16, u16 | lowest and highest quanta among all posts, filled ones too |
-//! | 16 | f32 | largest difference between a stored height and its source, metres; 0 for copied whole metres; on level 0 of a cap, between the surface that its heights span and the sources' posts |
+//! | 16 | f32 | largest difference between a stored height and its source, metres; 0 for copied whole metres. In a cap and on coarse levels: between the triangles of its cells and the finest geographic posts, with their own difference added |
 //! | 20, 22 | u16, u16 | void posts (posts outside every source too), water posts |
 //! | 24 | u64 | offset of the stored bytes |
 //! | 32, 36 | u32, u32 | their number and CRC |
@@ -167,8 +167,8 @@ pub struct TileHeader {
     pub min_m: f64,
     /// Highest orthometric height of a post (filled ones too), metres.
     pub max_m: f64,
-    /// Largest difference between a stored height and its source, metres; 0 for copied whole metres. On level 0 of a cap,
-    /// between the surface that its heights span (bilinear) and the sources' posts.
+    /// Largest difference between a stored height and its source, metres; 0 for copied whole metres. In a cap and on coarse
+    /// levels: between the triangles of its cells and the finest geographic posts, with their own difference added.
     pub max_error_m: f32,
     /// Void posts, those outside every source too.
     pub void_posts: u16,

@@ -107,6 +107,7 @@ impl Scene {
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
+        let errors_m = reach::errors_m(info);
         let worker = Worker::start(source, settings.shape, heights)?;
         Ok(Self {
             partition,
@@ -121,7 +122,7 @@ impl Scene {
             latitude_deg: 0.0,
             eye_posts: (0.0, 0.0),
             anchor: None,
-            errors_m: reach::errors_m(grid),
+            errors_m,
             reaches: None,
             rings: Rings::new(levels),
             tabled: ArrayVec::new(),

@@ -4,7 +4,7 @@ use crate::app::error::Failure;
 use crate::app::measure::bench::{Bench, camera};
 use crate::app::measure::flights;
 use crate::app::measure::poses::{Found, Search};
-use crate::app::measure::surface::{self, Spread, Surface};
+use crate::app::measure::surface::{self, Spread, Surface, Truth};
 use crate::app::measure::{Progress, position};
 use crate::geo::Camera;
 use crate::gl::Gpu;
@@ -136,12 +136,12 @@ pub fn measure_scene<S: TileSource>(
     source: &S,
     scene: &Scene,
     reach_m: f64,
-) -> Result<(Surface, Field, usize), Failure> {
+) -> Result<(Surface, Truth, usize), Failure> {
     let figures = bench.settle(&scene.camera)?;
     let partition = bench.partition().unwrap_or_default();
-    let field = Field::load(source, partition, &scene.camera.eye, reach_m);
-    let surface = surface::measure(bench, &field, &scene.camera)?;
-    Ok((surface, field, figures.triangles))
+    let truth = Truth::of(source, partition, &scene.camera, reach_m);
+    let surface = surface::measure(bench, &truth, &scene.camera)?;
+    Ok((surface, truth, figures.triangles))
 }
 
 /// Angles between the normals that shading uses and those of the surface through the same posts, degrees.
@@ -219,14 +219,14 @@ fn of_source<S: TileSource>(
     let scenes = scenes(bench, source, middle, &effort.views)?;
     for scene in &scenes {
         progress.say(&format!("{label}: {}", scene.name));
-        let (surface, field, triangles) = measure_scene(bench, source, scene, effort.reach_m)?;
+        let (surface, truth, triangles) = measure_scene(bench, source, scene, effort.reach_m)?;
         let partition = bench.partition().unwrap_or_default();
         let mut row = surface.report();
         row["name"] = json!(format!("{label}: {}", scene.name));
         row["triangles"] = json!(triangles);
         row["draw_calls"] = json!(bench.terrain.draw_calls());
         out.scenes.push(row);
-        let normals = normals(source, partition, &field);
+        let normals = normals(source, partition, &truth.field);
         if normals.max > out.normal_deg.max {
             out.normal_deg = normals;
         }
@@ -288,7 +288,8 @@ pub fn run<S: TileSource>(
     }
     let mut flown = Vec::new();
     if effort.does(Part::Flights) {
-        let paths = flights::over_planet(&planet, pack.is_none(), effort.seconds);
+        let over = pack.map(|pack| pack.info());
+        let paths = flights::over_planet(&planet, over, effort.seconds);
         flown = flights::fly(
             &mut bench,
             planet.as_ref(),

@@ -44,12 +44,15 @@ pub struct Drawn {
     pub height_m: f64,
     /// Where it is drawn, from the eye, Earth-centred axes, metres.
     pub from_eye_m: DVec3,
+    /// By which level.
+    pub level: u8,
 }
 
 impl Drawn {
     const NOWHERE: Self = Self {
         height_m: f64::NAN,
         from_eye_m: DVec3::NAN,
+        level: 0,
     };
 }
 
@@ -99,14 +102,6 @@ impl Points {
         (off - up * up.dot(off)).length()
     }
 
-    /// Height of the drawn surface at each point, metres above the ellipsoid; not a number where no visible block covers it.
-    ///
-    /// # Errors
-    /// With what the GPU refuses.
-    pub fn heights(&mut self, bench: &mut Bench) -> Result<Vec<f64>, Failure> {
-        Ok(self.drawn(bench)?.iter().map(|d| d.height_m).collect())
-    }
-
     /// The drawn surface at each point; not numbers where no visible block covers it.
     ///
     /// # Errors
@@ -141,7 +136,7 @@ impl Points {
                 for block in vertices.chunks_exact(corners) {
                     for t in indices.chunks_exact(3) {
                         let vertices = [0, 1, 2].map(|k| &block[usize::from(t[k])]);
-                        placed.under(vertices, vertices.map(corner), &mut out);
+                        placed.under(level.level, vertices, vertices.map(corner), &mut out);
                     }
                 }
             })
@@ -196,7 +191,7 @@ impl Placed {
     }
 
     /// Gives the points that lie in a triangle its height and position.
-    fn under(&self, vertices: [&Vertex; 3], corners: [Corner; 3], out: &mut [Drawn]) {
+    fn under(&self, level: u8, vertices: [&Vertex; 3], corners: [Corner; 3], out: &mut [Drawn]) {
         let [a, b, c] = corners;
         let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
         if area <= 0.0 {
@@ -223,10 +218,11 @@ impl Placed {
                     };
                     let shares = [side(b, c), side(c, a), side(a, b)].map(|s| s / area);
                     if shares.iter().all(|&s| s >= 0.0) {
-                        let level: f64 = corners.iter().zip(shares).map(|(v, s)| s * v.z).sum();
+                        let flat_m: f64 = corners.iter().zip(shares).map(|(v, s)| s * v.z).sum();
                         let at = vertices.iter().zip(shares);
                         out[k as usize] = Drawn {
-                            height_m: level - self.sag_m(corners, shares),
+                            level,
+                            height_m: flat_m - self.sag_m(corners, shares),
                             from_eye_m: at
                                 .map(|(v, s)| DVec3::from_array(v.position_m.map(f64::from)) * s)
                                 .sum(),

@@ -39,17 +39,22 @@ fn across((lat, lon): (f64, f64), seconds: f64) -> Path {
     low((lat - half_m / 111_320.0, lon))
 }
 
-/// Over the planet in memory, where it is mountainous: across 45 N and across the seam between partitions, and with `all` a
-/// flight like that over a pack.
+/// Whether a source reaches 45 N.
+fn has_45_n(info: &PackInfo) -> bool {
+    (info.bounds.south_deg..=info.bounds.north_deg).contains(&45.0)
+}
+
+/// Over the planet in memory, where it is mountainous: across the seam between partitions, and what is not flown over the
+/// pack: across 45 N, and over mountains.
 #[must_use]
-pub fn over_planet(planet: &Planet, all: bool, seconds: f64) -> Vec<Planned> {
+pub fn over_planet(planet: &Planet, pack: Option<&PackInfo>, seconds: f64) -> Vec<Planned> {
     let place = |lat: f64| (lat, planet.mountains_deg(lat));
     let seam = place(SEAM_LATITUDE_DEG + SEAM_HYSTERESIS_DEG);
-    let mut flights = vec![
-        ("across 45 N", across(place(45.0), seconds), seconds),
-        ("across the seam to the cap", across(seam, seconds), seconds),
-    ];
-    if all {
+    let mut flights = vec![("across the seam to the cap", across(seam, seconds), seconds)];
+    if !pack.is_some_and(has_45_n) {
+        flights.push(("across 45 N", across(place(45.0), seconds), seconds));
+    }
+    if pack.is_none() {
         let path = over(accuracy::mountains(planet));
         flights.push(("over its mountains", path, seconds));
     }
@@ -66,10 +71,9 @@ fn over(from_deg: (f64, f64)) -> Path {
 /// Over a pack: from its middle, and across 45 N where it reaches there.
 #[must_use]
 pub fn over_pack(info: &PackInfo, seconds: f64) -> Vec<Planned> {
-    let b = info.bounds;
     let (lat, lon) = accuracy::middle(info);
     let mut flights = vec![("from its middle", over((lat, lon)), seconds)];
-    if (b.south_deg..=b.north_deg).contains(&45.0) {
+    if has_45_n(info) {
         flights.push(("across 45 N", across((45.0, lon), seconds), seconds));
     }
     flights

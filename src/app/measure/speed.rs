@@ -12,8 +12,9 @@
 use crate::app::error::Failure;
 use crate::app::figures::Histogram;
 use crate::app::measure::Progress;
-use crate::app::measure::accuracy::{Scene, measure_scene, middle, mountains, scenes};
+use crate::app::measure::accuracy::{Scene, middle, mountains, scenes};
 use crate::app::measure::bench::{Bench, QUOTA};
+use crate::app::measure::surface::{self, Truth};
 use crate::geo::Camera;
 use crate::gl::Gpu;
 use crate::gl::look::Look;
@@ -169,50 +170,78 @@ impl Planner {
     }
 }
 
-/// Measures a source by some settings: a row for each scene, still and moving.
+/// Measures a source by some settings: for each scene a row for each, still and moving.
 fn of_source<S: TileSource>(
     gpu: &Rc<Gpu>,
     source: &Arc<S>,
     middle: (f64, f64),
-    settings: Settings,
+    settings: &[Settings],
     effort: &Effort,
     label: &str,
     progress: &Progress,
 ) -> Result<Vec<Value>, Failure> {
-    let mut bench = Bench::new(gpu, source, settings)?;
-    let mut planner = Planner::new(source, settings)?;
     let mut rows = Vec::new();
-    for scene in scenes(&mut bench, source.as_ref(), middle, &effort.views)? {
-        progress.say(&format!(
-            "{} vertices, {label}: {}",
-            settings.shape.vertices(),
-            scene.name
-        ));
-        let (surface, _, _) = measure_scene(&mut bench, source.as_ref(), &scene, effort.reach_m)?;
-        let mut row = surface.report();
-        row["name"] = json!(format!("{label}: {}", scene.name));
-        row["vertices"] = json!(settings.shape.vertices());
-        row["target_px"] = json!(settings.target_px);
-        for (key, moving) in [("still", false), ("moving", true)] {
-            let run = draw(&mut bench, &mut planner, &scene, effort.frames, moving)?;
-            let part = json!({
-                "frame_ms": run.frame.to_json(),
-                "cpu_ms": run.own.to_json(),
-                "process_ms": run.process_ms,
-                "allocations_per_frame": run.allocations,
-                "triangles": run.triangles,
-                "draw_calls": run.draw_calls,
+    let mut bench = Bench::new(gpu, source, Settings::default())?;
+    let scenes = scenes(&mut bench, source.as_ref(), middle, &effort.views)?;
+    drop(bench);
+    let all = scenes.len() * settings.len();
+    for scene in &scenes {
+        // What it should show is the same for all settings, and takes longest.
+        let mut truth = None;
+        for &settings in settings {
+            let name = format!(
+                "{label}: {}, {} vertices",
+                scene.name,
+                settings.shape.vertices()
+            );
+            progress.at(&name, rows.len(), all);
+            let mut bench = Bench::new(gpu, source, settings)?;
+            bench.settle(&scene.camera)?;
+            let partition = bench.partition().unwrap_or_default();
+            let truth = truth.get_or_insert_with(|| {
+                Truth::of(source.as_ref(), partition, &scene.camera, effort.reach_m)
             });
-            if !moving {
-                for (name, value) in part.as_object().into_iter().flatten() {
-                    row[name] = value.clone();
-                }
+            let mut planner = Planner::new(source, settings)?;
+            let surface = surface::measure(&mut bench, truth, &scene.camera)?;
+            let mut row = row_of(&mut bench, &mut planner, scene, effort.frames)?;
+            for (key, value) in surface.report().as_object().into_iter().flatten() {
+                row[key] = value.clone();
             }
-            row[key] = part;
+            row["name"] = json!(format!("{label}: {}", scene.name));
+            row["vertices"] = json!(settings.shape.vertices());
+            row["target_px"] = json!(settings.target_px);
+            rows.push(row);
         }
-        rows.push(row);
     }
     Ok(rows)
+}
+
+/// What is timed of a scene, still and moving.
+fn row_of(
+    bench: &mut Bench,
+    planner: &mut Planner,
+    scene: &Scene,
+    frames: u32,
+) -> Result<Value, Failure> {
+    let mut row = json!({});
+    for (key, moving) in [("still", false), ("moving", true)] {
+        let run = draw(bench, planner, scene, frames, moving)?;
+        let part = json!({
+            "frame_ms": run.frame.to_json(),
+            "cpu_ms": run.own.to_json(),
+            "process_ms": run.process_ms,
+            "allocations_per_frame": run.allocations,
+            "triangles": run.triangles,
+            "draw_calls": run.draw_calls,
+        });
+        if !moving {
+            for (name, value) in part.as_object().into_iter().flatten() {
+                row[name] = value.clone();
+            }
+        }
+        row[key] = part;
+    }
+    Ok(row)
 }
 
 /// Everything: the document of `measure speed`.
@@ -229,26 +258,21 @@ pub fn run<S: TileSource>(
 ) -> Result<Value, Failure> {
     let usual: Vec<Shape> = VERTICES.into_iter().filter_map(Shape::new).collect();
     let shapes = if shapes.is_empty() { &usual } else { shapes };
-    let mut rows = Vec::new();
-    for (at, &shape) in shapes.iter().enumerate() {
-        progress.at("sizes of level", at, shapes.len());
-        let settings = Settings {
+    let settings: Vec<Settings> = shapes
+        .iter()
+        .map(|&shape| Settings {
             target_px,
             ..Settings::from(shape)
-        };
-        if let Some(pack) = pack {
-            let at = middle(pack.info());
-            rows.extend(of_source(
-                gpu, pack, at, settings, effort, "pack", progress,
-            )?);
-        } else {
-            let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-            let at = mountains(&planet);
-            rows.extend(of_source(
-                gpu, &planet, at, settings, effort, "planet", progress,
-            )?);
-        }
-    }
+        })
+        .collect();
+    let rows = if let Some(pack) = pack {
+        let at = middle(pack.info());
+        of_source(gpu, pack, at, &settings, effort, "pack", progress)?
+    } else {
+        let planet = Arc::new(Planet::new(Kind::Earth, 1200));
+        let at = mountains(&planet);
+        of_source(gpu, &planet, at, &settings, effort, "planet", progress)?
+    };
     Ok(json!({
         "scenes": rows,
         "how": "frame_ms: wall clock from planning to glFinish, 1024x600, terrain alone, no multisampling; cpu_ms: CPU time \

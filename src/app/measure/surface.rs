@@ -13,12 +13,16 @@
 //!   it (beyond that the two see different hills: counted as `other_hill`).
 //! - `skyline_px`: in each column, the row of the highest pixel that shows ground, drawn less cast.
 //! - `summits`: posts higher than all around them, in the picture and not hidden: how far the drawn surface lies below the
-//!   data there.
+//!   data there, and how far it may by what the pack states of its levels.
 
 use crate::app::error::Failure;
 use crate::app::measure::bench::Bench;
 use crate::app::measure::drawn::Points;
 use crate::geo::{Camera, Geodetic};
+use crate::limits::LEVELS_MAX;
+use crate::terrain::pack::LevelError;
+use crate::terrain::partition::Partition;
+use crate::terrain::surface::TileSource;
 use crate::terrain::truth::{Cast, Field};
 use serde_json::{Value, json};
 
@@ -127,6 +131,16 @@ pub struct Summit {
     pub low_m: f64,
     /// The same in the picture, pixels.
     pub low_px: f64,
+    /// How low the source says that it may be, metres.
+    pub stated_low_m: Option<f64>,
+}
+
+impl Summit {
+    /// Whether it is drawn lower than is stated; heights are drawn in steps of a quarter of a metre.
+    fn is_too_low(&self) -> bool {
+        self.stated_low_m
+            .is_some_and(|stated_m| self.low_m > stated_m + 0.5)
+    }
 }
 
 impl Surface {
@@ -140,6 +154,7 @@ impl Surface {
                 "distance_m": s.distance_m,
                 "low_m": s.low_m,
                 "low_px": s.low_px,
+                "stated_low_m": s.stated_low_m,
             })
         };
         json!({
@@ -147,24 +162,64 @@ impl Surface {
             "low_m_max": most(|s| s.low_m),
             "low_px_max": most(|s| s.low_px),
             "low_px_rms": Spread::of(self.summits.iter().map(|s| s.low_px.max(0.0)).collect()).rms,
+            "beyond_stated": self.summits.iter().filter(|s| s.is_too_low()).count(),
             "high_px_max": most(|s| -s.low_px),
             "worst": self.summits.iter().take(5).map(row).collect::<Vec<_>>(),
         })
     }
 }
 
-/// Measures a settled view against the field around its eye.
+/// What a view should show.
+#[derive(Debug)]
+pub struct Truth {
+    /// The ground around its eye.
+    pub field: Field,
+    /// What every pixel should show.
+    cast: Vec<Cast>,
+    /// By how much each level is lower than a summit at most, as the source states it, metres.
+    stated_low_m: [Option<f64>; LEVELS_MAX],
+}
+
+impl Truth {
+    /// Of a view of a source in a partition; rays are cast through the posts within `reach_m`.
+    #[must_use]
+    pub fn of<S: TileSource>(
+        source: &S,
+        partition: Partition,
+        camera: &Camera,
+        reach_m: f64,
+    ) -> Self {
+        let field = Field::load(source, partition, &camera.eye, reach_m);
+        let errors = &source.info().level_errors.0[partition as usize];
+        let low_m = |e: &Option<LevelError>| e.map(|e| f64::from(e.summit_low_m));
+        Self {
+            cast: cast_all(&field, camera),
+            stated_low_m: errors.each_ref().map(low_m),
+            field,
+        }
+    }
+
+    /// How low a summit may be drawn by a level, which is between itself and the next coarser one.
+    fn stated_low_m(&self, level: u8) -> Option<f64> {
+        let at = usize::from(level);
+        let own = *self.stated_low_m.get(at)?;
+        let coarser = self.stated_low_m.get(at + 1).copied().flatten();
+        Some(own?.max(coarser.unwrap_or(0.0)))
+    }
+}
+
+/// Measures a settled view against what it should show.
 ///
 /// # Errors
 /// With what the GPU refuses.
-pub fn measure(bench: &mut Bench, field: &Field, camera: &Camera) -> Result<Surface, Failure> {
+pub fn measure(bench: &mut Bench, truth: &Truth, camera: &Camera) -> Result<Surface, Failure> {
     let drawn = bench.ranges(camera)?;
-    let cast = cast_all(field, camera);
+    let (field, cast) = (&truth.field, &truth.cast);
     let mut out = Surface::default();
     let half_cells = f64::from(bench.shape().cells()) / 2.0;
     heights(field, camera, half_cells, &drawn, &mut out);
     let (mut ranges, mut other, mut mismatches) = (Vec::new(), 0, 0);
-    for (&d, &c) in drawn.iter().zip(&cast) {
+    for (&d, &c) in drawn.iter().zip(cast) {
         let d = f64::from(d);
         match c {
             Cast::Hit(t) if d.is_finite() => {
@@ -180,8 +235,8 @@ pub fn measure(bench: &mut Bench, field: &Field, camera: &Camera) -> Result<Surf
         }
     }
     (out.range_m, out.other_hill, out.mismatches) = (Spread::of(ranges), other, mismatches);
-    out.skyline_px = skyline(camera, &drawn, &cast);
-    summits(bench, field, camera, &mut out)?;
+    out.skyline_px = skyline(camera, &drawn, cast);
+    out.summits = summits(bench, truth, camera)?;
     Ok(out)
 }
 
@@ -284,18 +339,16 @@ fn skyline(camera: &Camera, drawn: &[f32], cast: &[Cast]) -> Spread {
     }
 }
 
-fn summits(
-    bench: &mut Bench,
-    field: &Field,
-    camera: &Camera,
-    out: &mut Surface,
-) -> Result<(), Failure> {
+fn summits(bench: &mut Bench, truth: &Truth, camera: &Camera) -> Result<Vec<Summit>, Failure> {
+    let field = &truth.field;
+    let mut out = Vec::new();
     let eye = camera.eye.to_ecef();
     let to_eye = camera.eye_to_ecef().transpose();
     let near_m = SUMMIT_NEAR_POSTS * field.spacing_m();
     let mut points = Points::new(field.summits(SUMMIT.0, SUMMIT.1));
-    let drawn = points.heights(bench)?;
-    for (at, &height_m) in drawn.iter().enumerate() {
+    let drawn = points.drawn(bench)?;
+    for (at, drawn) in drawn.iter().enumerate() {
+        let height_m = drawn.height_m;
         let Some(distance_m) = points
             .seen(at, eye, camera, &to_eye)
             .filter(|d| *d > near_m)
@@ -309,15 +362,16 @@ fn summits(
             continue;
         }
         let low_m = data.height_ellipsoid.0 - height_m;
-        out.summits.push(Summit {
+        out.push(Summit {
+            stated_low_m: truth.stated_low_m(drawn.level),
             place: data,
             distance_m,
             low_m,
             low_px: low_m * camera.focal_px() / distance_m,
         });
     }
-    out.summits.sort_by(|a, b| b.low_px.total_cmp(&a.low_px));
-    Ok(())
+    out.sort_by(|a, b| b.low_px.total_cmp(&a.low_px));
+    Ok(out)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of pixels")]

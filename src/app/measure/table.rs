@@ -108,13 +108,13 @@ fn flights(out: &mut String, value: &Value) {
 fn surfaces(out: &mut String, scenes: &[Value]) {
     let _ = writeln!(
         out,
-        "  {:46} triangles surf px rms    p99    max  near max  ag. triangles  skyline mean    max  mismatch  summits  low m     px",
+        "  {:46} triangles surf px rms    p99    max  near max  ag. triangles  skyline mean    max  mismatch  summits  low m     px  beyond stated",
         ""
     );
     for s in scenes {
         let _ = writeln!(
             out,
-            "  {:46} {:9} {:11.3} {:6.2} {:6.2} {:9.2} {:14.2} {:13.3} {:6.1} {:9} {:8} {:6.1} {:6.2}",
+            "  {:46} {:9} {:11.3} {:6.2} {:6.2} {:9.2} {:14.2} {:13.3} {:6.1} {:9} {:8} {:6.1} {:6.2} {:14}",
             text(s, "name"),
             number(s, &["triangles"]),
             number(s, &["surf_px", "rms"]),
@@ -128,6 +128,7 @@ fn surfaces(out: &mut String, scenes: &[Value]) {
             number(s, &["summits", "count"]),
             number(s, &["summits", "low_m_max"]),
             number(s, &["summits", "low_px_max"]),
+            number(s, &["summits", "beyond_stated"]),
         );
     }
 }
