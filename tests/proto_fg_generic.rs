@@ -175,7 +175,7 @@ fn no_damage_makes_it_panic_allocate_or_say_what_cannot_be() {
         "/engines/engine/rpm",
         "/sim/time/elapsed-sec",
     ]);
-    let line: Vec<u8> = vec!["12.500000"; 4].join(",").into();
+    let line: Vec<u8> = ["12.500000"; 4].join(",").into();
     let mut random = Random(7);
     let mut bytes = Vec::with_capacity(2 * line.len() + 8);
     let mut gauge = Gauge::default();
