@@ -10,6 +10,10 @@ fn every_shipped_board_file_is_taken() {
     let mut taken = 0;
     for entry in std::fs::read_dir(&folder).expect("the folder of boards") {
         let path = entry.expect("a readable entry").path();
+        // Beside them lies the protocol file for FlightGear.
+        if path.extension().is_none_or(|kind| kind != "toml") {
+            continue;
+        }
         if let Err(faults) = Board::load(&path) {
             let lines: Vec<String> = faults.iter().map(ToString::to_string).collect();
             panic!("{}:\n{}", path.display(), lines.join("\n"));

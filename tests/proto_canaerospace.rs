@@ -453,7 +453,7 @@ fn no_damage_gives_a_number_that_its_parameter_cannot_have() {
             source: SourceId(0),
             wire: Wire::Can(frame),
         };
-        decoder.push(frame, &mut |s| {
+        decoder.push(frame, &mut |s: Signal| {
             if let Ok(x) = s.value {
                 let spec = s.parameter.spec();
                 assert!(x.is_finite() && x >= spec.min && x <= spec.max, "{s:?}");

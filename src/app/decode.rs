@@ -3,6 +3,7 @@
 
 use super::error::{Failure, Kind};
 use crate::proto::capture::{CandumpLine, CaptureError, UdpCapture};
+use crate::proto::fg_generic::{FgGeneric, Layout};
 use crate::proto::{Carriage, Counters, Decoder, Fault, Protocol};
 use crate::sampled::Invalid;
 use crate::signal::{Alert, Frame, Limit, Place, Signal, Sink, SourceId, Traffic, Wire};
@@ -31,6 +32,9 @@ pub struct DecodeArgs {
     /// The protocol of the capture.
     #[arg(long = "as", value_name = "PROTOCOL", value_parser = protocol_parser())]
     pub protocol: Protocol,
+    /// For fg-generic: FlightGear's protocol file by which the capture was made, unless it is the one that comes with Glasswing.
+    #[arg(long, value_name = "XML")]
+    pub layout: Option<PathBuf>,
     /// The capture.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
@@ -71,10 +75,15 @@ pub fn run(args: DecodeArgs) -> Result<(), Failure> {
             out.line(&sample);
         }
     };
+    let decoder = match &args.layout {
+        None => args.protocol.decoder(),
+        Some(file) => with_layout(args.protocol, file)?,
+    };
     let outcome = decode(
         &args.file,
         &bytes,
-        args.protocol,
+        args.protocol.carriage(),
+        decoder,
         args.samples.then_some(&mut on_sample),
     )?;
     if let Some(damage) = outcome.damage {
@@ -93,6 +102,21 @@ pub fn run(args: DecodeArgs) -> Result<(), Failure> {
         out.line(&outcome.to_text());
     }
     out.finish()
+}
+
+/// A decoder of lines laid out by a file.
+fn with_layout(protocol: Protocol, file: &Path) -> Result<Box<dyn Decoder>, Failure> {
+    if protocol != Protocol::FgGeneric {
+        let why = "is for fg-generic only";
+        return Err(Failure::new(Kind::Usage, "--layout", why, "leave it out"));
+    }
+    let text = std::fs::read_to_string(file).map_err(|e| {
+        let todo = "name a protocol file of FlightGear";
+        Failure::new(Kind::Input, file.display(), &e, todo)
+    })?;
+    let layout = Layout::parse(&text)
+        .map_err(|e| Failure::new(Kind::Input, file.display(), &e, e.todo()))?;
+    Ok(Box::new(FgGeneric::new(layout)))
 }
 
 /// Standard output, whose reader may go away: what was asked for is then done, and nobody hears a complaint.
@@ -198,13 +222,11 @@ impl Outcome {
 fn decode(
     path: &Path,
     bytes: &[u8],
-    protocol: Protocol,
+    carriage: Carriage,
+    decoder: Box<dyn Decoder>,
     on_sample: Option<OnSample<'_>>,
 ) -> Result<Outcome, Failure> {
-    let mut run = Run {
-        decoder: protocol.decoder(),
-        on_sample,
-    };
+    let mut run = Run { decoder, on_sample };
     let mut outcome = Outcome {
         counters: Counters::default(),
         truncated: 0,
@@ -212,7 +234,7 @@ fn decode(
         without_data: 0,
         damage: None,
     };
-    match protocol.carriage() {
+    match carriage {
         Carriage::Packets => read_container(path, bytes, &mut run, &mut outcome)?,
         Carriage::Stream if UdpCapture::is_one(bytes) => {
             read_container(path, bytes, &mut run, &mut outcome)?;

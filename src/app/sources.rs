@@ -6,7 +6,7 @@ use crate::bus::{
     self, BAD_KINDS, BusError, Decode, Endpoint, Event, Link, SourceConfig, SourceFigures,
     SourceHandle, SourceThread, Tally,
 };
-use crate::proto::{Counters, Fault, Protocol};
+use crate::proto::{Counters, Decoder, Fault, Protocol};
 use crate::signal::SourceId;
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
@@ -19,13 +19,15 @@ use std::sync::Arc;
 pub fn listen_to(board: &Board, index: usize, wish: &SourceWish) -> Result<SourceHandle, Failure> {
     // A board file has at most SOURCES_MAX sources, which fit a byte.
     let id = SourceId(u8::try_from(index).unwrap_or(u8::MAX));
-    let (name, protocol) = (wish.name.as_str(), wish.protocol);
+    let name = wish.name.as_str();
     let opened = match &wish.endpoint {
         board::Endpoint::Udp { bind, allow } => {
-            listen_udp(name, id, protocol, *bind, allow.clone())
+            listen_udp(name, id, wish.decoder(), *bind, allow.clone())
         }
-        board::Endpoint::Can { interface } => listen_can(name, id, protocol, interface),
-        board::Endpoint::Serial { path, baud } => listen_serial(name, id, protocol, path, *baud),
+        board::Endpoint::Can { interface } => listen_can(name, id, wish.protocol, interface),
+        board::Endpoint::Serial { path, baud } => {
+            listen_serial(name, id, wish.decoder(), path, *baud)
+        }
     };
     opened.map_err(|e| refusal(board, index, wish, e))
 }
@@ -49,11 +51,26 @@ pub fn refusal(board: &Board, index: usize, wish: &SourceWish, e: BusError) -> F
 pub fn listen_udp(
     name: &str,
     id: SourceId,
-    protocol: Protocol,
+    decoder: impl Into<Box<dyn Decoder>>,
     bind: SocketAddr,
     allow: Vec<IpAddr>,
 ) -> Result<SourceHandle, BusError> {
-    listen(name, id, protocol, Endpoint::Udp { bind, allow })
+    listen(name, id, decoder, Endpoint::Udp { bind, allow })
+}
+
+/// Listens to a serial port. See [`bus::spawn`].
+///
+/// # Errors
+/// When it is missing, held by another program, refused, or does not have the speed.
+pub fn listen_serial(
+    name: &str,
+    id: SourceId,
+    decoder: impl Into<Box<dyn Decoder>>,
+    path: &str,
+    baud: u32,
+) -> Result<SourceHandle, BusError> {
+    let path = path.to_owned();
+    listen(name, id, decoder, Endpoint::Serial { path, baud })
 }
 
 /// Listens to a CAN interface, to the identifiers that the protocol has a use for. See [`bus::spawn`].
@@ -73,21 +90,6 @@ pub fn listen_can(
     listen(name, id, protocol, endpoint)
 }
 
-/// Listens to a serial port. See [`bus::spawn`].
-///
-/// # Errors
-/// When it is missing, held by another program, refused, or does not have the speed.
-pub fn listen_serial(
-    name: &str,
-    id: SourceId,
-    protocol: Protocol,
-    path: &str,
-    baud: u32,
-) -> Result<SourceHandle, BusError> {
-    let path = path.to_owned();
-    listen(name, id, protocol, Endpoint::Serial { path, baud })
-}
-
 /// Listens to any endpoint. See [`bus::spawn`].
 ///
 /// # Errors
@@ -95,7 +97,7 @@ pub fn listen_serial(
 pub fn listen(
     name: &str,
     id: SourceId,
-    protocol: Protocol,
+    decoder: impl Into<Box<dyn Decoder>>,
     endpoint: Endpoint,
 ) -> Result<SourceHandle, BusError> {
     let config = SourceConfig {
@@ -103,12 +105,11 @@ pub fn listen(
         id,
         endpoint,
     };
-    bus::spawn(config, decode(protocol))
+    bus::spawn(config, decode(decoder.into()))
 }
 
-/// A bus's view of a protocol's decoder.
-fn decode(protocol: Protocol) -> Decode {
-    let mut decoder = protocol.decoder();
+/// A bus's view of a decoder.
+fn decode(mut decoder: Box<dyn Decoder>) -> Decode {
     Box::new(move |frame, sink| {
         decoder.push(frame, &mut |signal| sink(signal));
         let counters = decoder.counters();

@@ -331,7 +331,7 @@ mod tests {
         let mut damaged = 0;
         for _ in 0..100 {
             framer.push(Monotonic::from_nanos(0), b"abc", endless, &mut |_| {
-                damaged += 1
+                damaged += 1;
             });
         }
         assert!((290..300).contains(&damaged), "{damaged}");

@@ -211,7 +211,7 @@ impl Reader {
 
 /// The message, if it has the length that its kind has.
 fn exactly<const N: usize>(message: &[u8]) -> Result<[u8; N], Fault> {
-    message.try_into().map_err(|_| {
+    message.try_into().map_err(|_wrong_length| {
         if message.len() < N {
             Fault::Short
         } else {

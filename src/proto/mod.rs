@@ -13,6 +13,7 @@ pub mod capture;
 pub mod dynon_d100;
 pub mod dynon_skyview;
 mod emit;
+pub mod fg_generic;
 pub mod fgfdm;
 pub mod framing;
 pub mod garmin_g3x;
@@ -184,6 +185,8 @@ pub enum Protocol {
     CanAerospace,
     /// CAN-FIX.
     CanFix,
+    /// FlightGear's generic protocol.
+    FgGeneric,
     /// GDL90 with the attitude messages of Stratux and ForeFlight.
     Gdl90,
     /// Dynon SkyView serial data.
@@ -202,10 +205,11 @@ pub enum Protocol {
 
 impl Protocol {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::FgFdm,
         Self::CanAerospace,
         Self::CanFix,
+        Self::FgGeneric,
         Self::Gdl90,
         Self::DynonSkyView,
         Self::DynonD100,
@@ -222,6 +226,7 @@ impl Protocol {
             Self::FgFdm => "fgfdm",
             Self::CanAerospace => "canaerospace",
             Self::CanFix => "can-fix",
+            Self::FgGeneric => "fg-generic",
             Self::Gdl90 => "gdl90",
             Self::Mgl => "mgl",
             Self::Ubx => "ubx",
@@ -245,6 +250,7 @@ impl Protocol {
             Self::FgFdm => Box::new(fgfdm::FgFdm::new()),
             Self::CanAerospace => Box::new(canaerospace::CanAerospace::new()),
             Self::CanFix => Box::new(can_fix::CanFix::new()),
+            Self::FgGeneric => Box::new(fg_generic::FgGeneric::default()),
             Self::Gdl90 => Box::new(gdl90::Gdl90::new()),
             Self::Mgl => Box::new(mgl::Mgl::new()),
             Self::Ubx => Box::new(ubx::Ubx::new()),
@@ -265,13 +271,20 @@ impl Protocol {
         }
     }
 
-    /// The CAN identifiers that its decoder listens to; empty for protocols that are not on CAN.
+    /// The CAN identifiers that its decoder listens to, 11-bit and 29-bit; empty for one that listens to all 11-bit ones, and
+    /// for those that are not on CAN.
     #[must_use]
     pub fn can_ids(self) -> &'static [u16] {
         match self {
             Self::CanAerospace => &canaerospace::IDS,
             _ => &[],
         }
+    }
+}
+
+impl From<Protocol> for Box<dyn Decoder> {
+    fn from(protocol: Protocol) -> Self {
+        protocol.decoder()
     }
 }
 

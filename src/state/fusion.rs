@@ -21,7 +21,7 @@ use arrayvec::ArrayVec;
 #[derive(Clone, Debug)]
 pub struct Fusion {
     order: ArrayVec<SourceId, SOURCES_MAX>,
-    said: [[Sampled<f64>; Parameter::COUNT]; SOURCES_MAX],
+    said: Vec<[Sampled<f64>; Parameter::COUNT]>,
     unknown_sources: u64,
 }
 
@@ -38,7 +38,7 @@ impl Fusion {
         }
         Self {
             order,
-            said: [[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
+            said: vec![[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
             unknown_sources: 0,
         }
     }

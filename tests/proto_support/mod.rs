@@ -1,5 +1,10 @@
 //! What tests of decoders share: something that listens, and a storm of damaged frames.
 
+#![allow(
+    dead_code,
+    reason = "every test includes this module and uses only some of it"
+)]
+
 use glasswing::heap::allocations_of_this_thread;
 use glasswing::proto::{Counters, Decoder, Protocol};
 use glasswing::sampled::Invalid;

@@ -219,7 +219,7 @@ fn read_board(file: &Path, table: Table, problems: &mut Vec<Problem>) -> Option<
     let marks = read_airspeeds(&mut airspeeds, problems);
     let terrain_wish = read_terrain(&mut terrain, file, problems);
     let devices = input.flag("devices", problems);
-    let sources = sources::read(sources, problems);
+    let sources = sources::read(sources, file, problems);
     for part in [root, screen, view, units, airspeeds, terrain, input] {
         part.finish(problems);
     }

@@ -2,8 +2,10 @@
 
 use super::reader::{Problem, Reader, a};
 use crate::limits::SOURCES_MAX;
-use crate::proto::{Carriage, Protocol};
+use crate::proto::fg_generic::{FgGeneric, Layout};
+use crate::proto::{Carriage, Decoder, Protocol};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::path::Path;
 use toml::Value;
 
 /// Speeds of serial ports that a board file may give, bits per second: from the slowest that there are (`B50`) to the
@@ -17,6 +19,8 @@ pub struct SourceWish {
     pub name: String,
     /// What it speaks.
     pub protocol: Protocol,
+    /// The text of the layout of its lines, where the protocol has one and the board names it; it is one that can be read.
+    pub layout: Option<String>,
     /// Where it is heard.
     pub endpoint: Endpoint,
 }
@@ -68,6 +72,16 @@ impl std::fmt::Display for Endpoint {
 }
 
 impl SourceWish {
+    /// A fresh decoder of what it speaks.
+    #[must_use]
+    pub fn decoder(&self) -> Box<dyn Decoder> {
+        let layout = self.layout.as_deref().map(Layout::parse);
+        match layout {
+            Some(Ok(layout)) => Box::new(FgGeneric::new(layout)),
+            _ => self.protocol.decoder(),
+        }
+    }
+
     /// Whether both would hear the same: two of the same sender prove nothing about each other, and neither two sockets nor
     /// two ports can share one address or device.
     fn hears_the_same(&self, other: &Self) -> bool {
@@ -82,13 +96,18 @@ impl SourceWish {
     }
 }
 
-/// The sources of the tables `[[source]]`, in order; what is wrong with any of them is added to `problems`.
-pub(super) fn read(tables: Vec<Reader>, problems: &mut Vec<Problem>) -> Vec<SourceWish> {
+/// The sources of the tables `[[source]]` of `file`, in order; what is wrong with any of them is added to `problems`.
+pub(super) fn read(
+    tables: Vec<Reader>,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Vec<SourceWish> {
     let mut sources: Vec<SourceWish> = Vec::new();
     for mut r in tables {
         let name = r.text("name", problems);
         let protocol = r.choice("protocol", &Protocol::ALL.map(|p| (p.name(), p)), problems);
         let endpoint = read_endpoint(&mut r, protocol, problems);
+        let layout = read_layout(&mut r, protocol, file, problems);
         if let Some(name) = &name
             && sources.iter().any(|s| s.name == *name)
         {
@@ -100,6 +119,7 @@ pub(super) fn read(tables: Vec<Reader>, problems: &mut Vec<Problem>) -> Vec<Sour
             let source = SourceWish {
                 name,
                 protocol,
+                layout,
                 endpoint,
             };
             if let Some(other) = sources.iter().find(|s| s.hears_the_same(&source)) {
@@ -249,4 +269,32 @@ fn read_serial(r: &mut Reader, problems: &mut Vec<Problem>) -> Option<Endpoint> 
 fn not_without(r: &Reader, key: &str, other: &str) -> Problem {
     let why = format!("is given without {other}");
     Problem::new(&r.path(key), why, format!("give {other}, or remove it"))
+}
+
+/// The layout of a source's lines: a file beside the board file, read and tried.
+fn read_layout(
+    r: &mut Reader,
+    protocol: Option<Protocol>,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<String> {
+    let name = r.optional_text("layout", problems)?;
+    let path = file.parent().unwrap_or(Path::new("")).join(&name);
+    let mut problem = |why: String, todo: &str| {
+        problems.push(Problem::new(&r.path("layout"), why, todo));
+        None
+    };
+    if protocol.is_some_and(|p| p != Protocol::FgGeneric) {
+        return problem("is for fg-generic only".to_owned(), "leave it out");
+    }
+    match std::fs::read_to_string(&path) {
+        Err(e) => problem(
+            format!("{} cannot be read: {e}", path.display()),
+            "name a protocol file of FlightGear, beside the board file or with its whole path",
+        ),
+        Ok(text) => match Layout::parse(&text) {
+            Err(e) => problem(format!("{} cannot be used: {e}", path.display()), e.todo()),
+            Ok(_) => Some(text),
+        },
+    }
 }

@@ -148,7 +148,7 @@ const SLIPS: &[(&str, &[&str])] = &[
         "[[source]]\nname = \"a\"\nprotocol = \"smoke\"\nudp = \"127.0.0.1:1\"",
         &[
             "source[0].protocol: `smoke` is unknown",
-            "fgfdm, canaerospace",
+            "fgfdm, canaerospace, can-fix",
         ],
     ),
     (
@@ -219,6 +219,26 @@ const SLIPS: &[(&str, &[&str])] = &[
     (
         "[[source]]\nname = \"a\"\nprotocol = \"fgfdm\"\nudp = \"0.0.0.0:5500\"\nallow = [\"fe80::1\"]",
         &["source[0].allow: fe80::1 is never heard on 0.0.0.0:5500"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nserial = \"/dev/ttyUSB0\"\nbaud = 42",
+        &["source[0].baud: 42 is", "50 to 12000000"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"can-fix\"\nserial = \"/dev/ttyUSB0\"\nbaud = 9600",
+        &["source[0].protocol: does not come over serial", "give can"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nudp = \"127.0.0.1:1\"\nserial = \"/dev/ttyUSB0\"",
+        &["source[0].serial: is given beside udp"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"nmea\"\nudp = \"127.0.0.1:1\"\nlayout = \"x.xml\"",
+        &["source[0].layout: is for fg-generic only"],
+    ),
+    (
+        "[[source]]\nname = \"a\"\nprotocol = \"fg-generic\"\nudp = \"127.0.0.1:1\"\nlayout = \"no-such.xml\"",
+        &["source[0].layout:", "no-such.xml cannot be read"],
     ),
     ("screen = 3", &["screen: is a whole number", "[screen]"]),
     ("[view", &["test.toml:1:"]),
