@@ -233,6 +233,7 @@ fn listen(mut source: Box<dyn Source>, mut feed: Feed, stop: &AtomicBool) {
             std::thread::park_timeout(backoff.next_wait());
             open = source.reopen().is_ok();
             if open {
+                feed.take(Monotonic::read(), Wire::Stream(&[]));
                 feed.figures.reopened();
             }
             continue;
