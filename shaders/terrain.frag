@@ -5,7 +5,7 @@ in vec2 v_ground;             // height above the ellipsoid, m; blend into the c
 in vec3 v_position;           // metres from the eye
 #endif
 #ifdef GRID
-in vec2 v_lines;              // position in the grid of lines: whole numbers are on one
+uniform vec3 lines_at;        // position in the grid of lines where coordinates in the surface are 0; from 0 to 1 in it
 #endif
 
 uniform sampler2D surface;    // normal east and north, crest, kind
@@ -28,7 +28,7 @@ void main() {
         s = mix(s, textureLod(coarser, 0.5 * v_texel + coarser_at, 0.0), v_ground.y);
     }
 #ifdef GRID
-    vec2 lines = v_lines;
+    vec2 lines = v_texel * lines_at.z + lines_at.xy;
 #else
     vec2 lines = vec2(0.0);
 #endif

@@ -5,8 +5,8 @@
 layout(location = 0) in ivec4 block;   // first and last column, first and last row
 
 uniform usampler2D heights;   // own code, code of the coarser level's surface; toroidal
-uniform sampler2D tables;     // columns and rows, see terrain::tables
-uniform ivec4 window;         // origin's texel east and north; row of the tables; cells across
+uniform sampler2D tables;     // columns and rows, toroidal like the heights, see terrain::tables
+uniform ivec4 window;         // origin's texel east and north; row of the tables; cells across what is drawn
 uniform ivec2 torus;          // texels less one; anchor's height code
 uniform vec4 morph;           // centre east and north, cells from the origin; at the centre, for each cell from it
 uniform vec3 texels;          // the origin's coordinates in the surface; from one texel to the next
@@ -28,10 +28,6 @@ out vec3 v_position;
 #ifdef RECORD
 out vec4 v_vertex;            // cell east and north, height above the anchor in m, blend
 #endif
-#ifdef GRID
-uniform vec3 lines_at;        // the window's origin among the lines, east and north; a cell; steps from line to line
-out vec2 v_lines;             // position among the lines: whole numbers are on one
-#endif
 
 invariant gl_Position;
 
@@ -40,12 +36,13 @@ void main() {
     int odd = (block.x + block.z) & 1;
     ivec2 cell = ivec2(gl_VertexID & 31, gl_VertexID >> 5) + ivec2(block.x - odd, block.z);
     cell = ivec2(clamp(cell.x, block.x, block.y), min(cell.y, block.w));
-    // On the window's outer edge only the posts that the coarser level has too: all bits but the lowest there, else all.
+    // On the outer edge only the posts that the coarser level has too: all bits but the lowest there, else all.
     cell &= (min(min(cell, window.w - cell), 1) - 2).yx;
 
-    ivec2 codes = ivec2(texelFetch(heights, (cell + window.xy) & torus.x, 0).xy);
-    vec4 column = texelFetch(tables, ivec2(cell.x, window.z), 0);
-    vec4 row = texelFetch(tables, ivec2(cell.y, window.z + 1), 0);
+    ivec2 texel = (cell + window.xy) & torus.x;
+    ivec2 codes = ivec2(texelFetch(heights, texel, 0).xy);
+    vec4 column = texelFetch(tables, ivec2(texel.x, window.z), 0);
+    vec4 row = texelFetch(tables, ivec2(texel.y, window.z + 1), 0);
 
     vec2 at = vec2(cell);
     vec2 away = abs(at - morph.xy);
@@ -57,8 +54,8 @@ void main() {
     // z and x of the sphere through the anchor; then what the radius of curvature has more than there, and the height.
     vec2 across = column.xy + row.x * column.zw;
     vec3 up = vec3(row.z * column.w, row.w, row.z * column.z);
-    float x = bulge.x * across.x * (up.z + bulge.y);
-    float more = x * (1.0 + 0.75 * x) * bulge.z;
+    float more = bulge.x * across.x * (up.z + bulge.y);
+    more += more * more * bulge.z;
     vec3 p = origin + vec3(across.y, row.y, bulge.w * across.x)
         + vec2(more + rise, 0.9933056 * more + rise).xxy * up;
 #else
@@ -75,8 +72,5 @@ void main() {
 #endif
 #ifdef RECORD
     v_vertex = vec4(at, rise * scale.x, blend);
-#endif
-#ifdef GRID
-    v_lines = at * lines_at.z + lines_at.xy;
 #endif
 }

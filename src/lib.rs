@@ -5,6 +5,7 @@ pub mod heap;
 
 // L0: vocabulary. Pure, no I/O.
 pub mod angle;
+pub mod atmosphere;
 pub mod geo;
 pub mod limits;
 pub mod sampled;

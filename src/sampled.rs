@@ -20,6 +20,10 @@ pub enum Invalid {
     SourceFailed,
     /// The source itself says that the value is not to be trusted.
     Doubtful,
+    /// It repeats to the last bit where its sensor could not: the sensor has stopped.
+    Frozen,
+    /// Other sensors say that it cannot be.
+    Implausible,
     /// Two sources disagree by more than the parameter allows.
     Miscompare,
 }
@@ -34,6 +38,8 @@ impl Invalid {
             Self::OutOfRange => "out-of-range",
             Self::SourceFailed => "source-failed",
             Self::Doubtful => "doubtful",
+            Self::Frozen => "frozen",
+            Self::Implausible => "implausible",
             Self::Miscompare => "miscompare",
         }
     }
@@ -97,6 +103,12 @@ impl<T: Copy> Sampled<T> {
             Last::Fault { reason, at } if fresh(at) => Err(reason),
             Last::Value { .. } | Last::Fault { .. } => Err(Invalid::Stale),
         }
+    }
+
+    /// Whether there is a value at all, of whatever age; for those who pass it on.
+    #[must_use]
+    pub const fn is_value(&self) -> bool {
+        matches!(self.last, Last::Value { .. })
     }
 
     /// The time since the last value or fault; `None` if there was none or its stamp lies in the future.

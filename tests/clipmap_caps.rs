@@ -16,7 +16,7 @@ use clipmap_support::{Dice, gpu};
 use glasswing::geo::{Camera, Geodetic};
 use glasswing::gl::look::Look;
 use glasswing::heap;
-use glasswing::terrain::partition::Partition;
+use glasswing::terrain::partition::{Partition, SEAM_LATITUDE_DEG};
 use glasswing::time::Monotonic;
 use std::sync::Arc;
 use std::time::Duration;
@@ -71,10 +71,10 @@ fn distances_agree_with_the_formula_at_the_poles_the_seams_the_date_line_and_the
         (89.999, -60.0),
         (-89.999, 45.0),
         (80.0, 180.0),
-        (70.3, 25.0),
-        (69.7, 25.0),
-        (-70.3, -115.0),
-        (-69.7, -115.0),
+        (SEAM_LATITUDE_DEG + 0.3, 25.0),
+        (SEAM_LATITUDE_DEG - 0.3, 25.0),
+        (-(SEAM_LATITUDE_DEG + 0.3), -115.0),
+        (-(SEAM_LATITUDE_DEG - 0.3), -115.0),
         (0.0, 0.0),
         (0.001, 179.9999),
         (-45.0, -179.9999),
@@ -100,12 +100,12 @@ fn distances_agree_with_the_formula_at_the_poles_the_seams_the_date_line_and_the
 /// The same pose drawn by the cap and by the geographic partition.
 fn both(booth: &mut Booth, camera: &Camera) -> [(Vec<f32>, Vec<u8>); 2] {
     let sign = camera.eye.latitude.0.signum();
-    [70.4, 69.6].map(|from| {
+    [SEAM_LATITUDE_DEG + 0.4, SEAM_LATITUDE_DEG - 0.4].map(|from| {
         let mut before = *camera;
         before.eye = over(sign * from, camera.eye.longitude.to_degrees(), 3000.0);
         booth.settle(&before);
         let figures = booth.settle(camera);
-        let expected = if from > 70.0 {
+        let expected = if from > SEAM_LATITUDE_DEG {
             Partition::cap(sign)
         } else {
             Partition::Geographic
@@ -122,11 +122,15 @@ fn either_partition_draws_the_same_picture_on_the_seam() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut booth = Booth::new(&gpu, 239, earth());
     for (lat, lon, above, heading, pitch) in [
-        (70.1, 25.0, 100.0, 0.0, -4.0),
-        (69.9, 25.0, 100.0, 250.0, -4.0),
-        (70.2, -140.0, 3000.0, 180.0, -8.0),
-        (-70.1, 160.0, 3000.0, 90.0, -8.0),
-        (-69.9, -60.0, 100.0, 300.0, -4.0),
+        (SEAM_LATITUDE_DEG + 0.1, 25.0, 100.0, 0.0, -4.0),
+        (SEAM_LATITUDE_DEG - 0.1, 25.0, 100.0, 250.0, -4.0),
+        (SEAM_LATITUDE_DEG + 0.2, -140.0, 3000.0, 180.0, -8.0),
+        (-(SEAM_LATITUDE_DEG + 0.1), 160.0, 3000.0, 90.0, -8.0),
+        (-(SEAM_LATITUDE_DEG - 0.1), -60.0, 100.0, 300.0, -4.0),
+        (SEAM_LATITUDE_DEG + 0.1, 11.0, 3000.0, 90.0, -6.0),
+        (SEAM_LATITUDE_DEG - 0.1, -45.0, 3000.0, 270.0, -6.0),
+        (-SEAM_LATITUDE_DEG, 100.0, 300.0, 90.0, -4.0),
+        (SEAM_LATITUDE_DEG, 140.0, 10_000.0, 270.0, -8.0),
     ] {
         let camera = camera(over(lat, lon, above), (heading, pitch, 0.0), 60.0);
         let [(cap, cap_rgb), (geo, geo_rgb)] = both(&mut booth, &camera);
@@ -163,7 +167,7 @@ fn no_pose_around_the_poles_and_the_seams_shows_a_hole() {
     let mut dice = Dice(70);
     for vertices in [127, 239] {
         let mut booth = Booth::new(&gpu, vertices, earth());
-        for near in [90.0, -90.0, 70.0, -70.0] {
+        for near in [90.0, -90.0, SEAM_LATITUDE_DEG, -SEAM_LATITUDE_DEG] {
             for _ in 0..if is_emulated() { 2 } else { 20 } {
                 let lat: f64 = near + dice.between(-0.04, 0.04);
                 let lat = if lat.abs() > 90.0 {
@@ -191,9 +195,11 @@ fn no_pose_around_the_poles_and_the_seams_shows_a_hole() {
 
 /// 250 m/s at 60 frames a second to the north, the change in the middle, at a height above the ground there.
 fn crossing(above_m: f64) -> impl Fn(u32) -> Camera {
-    let height_m = over(70.25, 20.0, above_m).height_ellipsoid.0;
+    let height_m = over(SEAM_LATITUDE_DEG + 0.25, 20.0, above_m)
+        .height_ellipsoid
+        .0;
     move |frame| {
-        let lat = 70.25 + 3.735e-5 * (f64::from(frame) - 60.0);
+        let lat = SEAM_LATITUDE_DEG + 0.25 + 3.735e-5 * (f64::from(frame) - 60.0);
         let eye = Geodetic::from_degrees(lat, 20.0, height_m);
         camera(eye, (0.0, -3.0, 0.0), 60.0)
     }
@@ -206,7 +212,11 @@ fn flying_over_the_seam_changes_the_partition_once_and_not_the_picture() {
     let quota = 20_000;
     for above_m in [100.0, 3000.0] {
         let at = crossing(above_m);
-        booth.settle(&camera(over(69.7, 20.0, 3000.0), (0.0, -3.0, 0.0), 60.0));
+        booth.settle(&camera(
+            over(SEAM_LATITUDE_DEG - 0.3, 20.0, 3000.0),
+            (0.0, -3.0, 0.0),
+            60.0,
+        ));
         // An emulated machine flies the frames around the change only.
         let first = if is_emulated() { 55 } else { 0 };
         booth.settle(&at(first));
@@ -261,9 +271,9 @@ fn a_starved_eye_keeps_its_partition_and_a_leap_does_not() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut booth = Booth::new(&gpu, 127, earth());
     let at = |lat: f64| camera(over(lat, 20.0, 6000.0), (0.0, -20.0, 0.0), 60.0);
-    booth.settle(&at(69.0));
+    booth.settle(&at(SEAM_LATITUDE_DEG - 1.0));
     for step in 0..15 {
-        let camera = at(69.0 + 0.1 * f64::from(step));
+        let camera = at(SEAM_LATITUDE_DEG - 1.0 + 0.1 * f64::from(step));
         let figures = booth.terrain.prepare(&camera, 0).expect("a camera");
         assert_eq!(figures.partition, Some(Partition::Geographic), "{camera:?}");
         assert_eq!(booth.holes(&camera, LOWEST_M), 0, "{camera:?}");
@@ -282,14 +292,19 @@ fn without_posts_in_a_cap_there_is_no_terrain_and_that_is_said() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut booth = Booth::new(&gpu, 127, Arc::new(Earth::new(1200, [true, false, false])));
     let at = |lat: f64| camera(over(lat, 20.0, 1000.0), (0.0, -10.0, 0.0), 60.0);
-    let figures = booth.settle(&at(69.9));
+    let figures = booth.settle(&at(SEAM_LATITUDE_DEG - 0.1));
     assert!(figures.triangles > 0);
-    let figures = booth.settle(&at(71.0));
+    let figures = booth.settle(&at(SEAM_LATITUDE_DEG + 1.0));
     assert_eq!((figures.partition, figures.levels), (None, None));
     assert_eq!((figures.triangles, booth.terrain.draw_calls()), (0, 0));
-    assert!(booth.terrain.ground(&at(71.0).eye).is_err());
+    assert!(
+        booth
+            .terrain
+            .ground(&at(SEAM_LATITUDE_DEG + 1.0).eye)
+            .is_err()
+    );
     booth.terrain.draw(&Look::FLIGHT);
-    let figures = booth.settle(&at(69.9));
+    let figures = booth.settle(&at(SEAM_LATITUDE_DEG - 0.1));
     assert_eq!(
         figures.partition,
         Some(Partition::Geographic),
@@ -301,14 +316,22 @@ fn without_posts_in_a_cap_there_is_no_terrain_and_that_is_said() {
 fn a_camera_of_no_numbers_changes_nothing_near_the_seam() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut booth = Booth::new(&gpu, 127, earth());
-    let mut good = camera(over(70.3, 20.0, 1000.0), (0.0, -10.0, 0.0), 60.0);
+    let mut good = camera(
+        over(SEAM_LATITUDE_DEG + 0.3, 20.0, 1000.0),
+        (0.0, -10.0, 0.0),
+        60.0,
+    );
     booth.settle(&good);
     let draws = booth.terrain.draw_calls();
     good.attitude.roll.0 = f64::NAN;
     assert!(booth.terrain.prepare(&good, 65_536).is_err());
     assert_eq!(booth.terrain.draw_calls(), draws);
     assert!(meets_earth(
-        &camera(over(70.3, 20.0, 1000.0), (0.0, -90.0, 0.0), 60.0),
+        &camera(
+            over(SEAM_LATITUDE_DEG + 0.3, 20.0, 1000.0),
+            (0.0, -90.0, 0.0),
+            60.0
+        ),
         0,
         LOWEST_M
     ));

@@ -236,11 +236,9 @@ fn poles_and_extremes_give_finite_numbers() {
             "{lat} {lon}"
         );
         assert!(plan.origin_m.iter().all(|v| v.is_finite()), "{lat} {lon}");
-        for level in &plan.levels {
-            assert!(
-                level.depth.0.is_finite() && level.depth.1.is_finite(),
-                "{lat} {lon}"
-            );
+        for slice in plan.levels.iter().flat_map(|level| &level.slices) {
+            let depth = slice.depth;
+            assert!(depth.0.is_finite() && depth.1.is_finite(), "{lat} {lon}");
         }
     }
 }
@@ -312,4 +310,53 @@ fn levels_agree_on_shared_posts_whatever_is_damaged() {
         }
     }
     assert!(damage.counts().checksum > 0);
+}
+
+#[test]
+fn depth_tells_points_apart_that_are_a_pixel_apart_from_0_2_m_to_the_horizon() {
+    let land = Land::new(1200, mountains);
+    let mut scene =
+        Scene::new(Arc::new(land), Partition::Geographic, settings()).expect("a thread");
+    let mut record = Record::new(scene.levels());
+    let mut farthest_m = 0_f64;
+    for (above_m, pitch, fov) in [
+        (0.3, 0.0, 60.0),
+        (0.3, -20.0, 120.0),
+        (2.0, -5.0, 60.0),
+        (100.0, -10.0, 60.0),
+        (3000.0, -20.0, 60.0),
+        (18_000.0, -10.0, 60.0),
+        (18_000.0, -90.0, 60.0),
+    ] {
+        let mut view = camera(46.0, 8.0, 7000.0);
+        settle(&mut scene, &mut record, &view);
+        let ground = scene.ground(&view.eye).expect("ground");
+        view.eye.height_ellipsoid.0 = ground.0 + above_m;
+        view.attitude = Attitude::from_degrees(30.0, pitch, 0.0);
+        view.hfov = Radians::from_degrees(fov);
+        (view.width_px, view.height_px) = (1024, 600);
+        settle(&mut scene, &mut record, &view);
+        let plan = scene.plan();
+        let mut end = 0.0;
+        for slice in plan.levels.iter().flat_map(|level| &level.slices) {
+            assert!(slice.range.0 >= end && slice.range.1 <= 1.0, "{slice:?}");
+            end = slice.range.1;
+            farthest_m = farthest_m.max(slice.far_m);
+            for k in 0..=20 {
+                let along = f64::from(k) / 20.0;
+                let distance_m = slice.near_m * (slice.far_m / slice.near_m).powf(0.999 * along);
+                let step_m = slice.step_m(distance_m).expect("inside");
+                let pixel_m = distance_m / view.focal_px();
+                assert!(
+                    step_m < 0.5 * pixel_m,
+                    "{above_m} m above: {step_m} m of {pixel_m} m at {distance_m} m, {slice:?}"
+                );
+            }
+        }
+        let draws: usize = plan.levels.iter().map(|level| level.slices.len()).sum();
+        assert!(draws <= 24, "{draws} draw calls");
+        let blocks: usize = plan.levels.iter().map(|level| level.blocks.1).sum();
+        assert_eq!(blocks, plan.blocks.len(), "every block in one slice");
+    }
+    assert!(farthest_m > 400_000.0, "{farthest_m} m");
 }

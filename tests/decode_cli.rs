@@ -71,6 +71,42 @@ fn the_recorded_flight_is_all_good() {
 }
 
 #[test]
+fn containers_raw_bytes_and_layouts_are_all_read() {
+    let Some(data) = support::data_dir() else {
+        return;
+    };
+    let bus = data.join("bus");
+    let layout = bus.join("svgc_attitude.xml");
+    let layout = layout.to_str().expect("a name");
+    for (protocol, file, flags, good, bad) in [
+        ("nmea", "fg2020.3.16_c172p_nmea.bin", vec!["--json"], 270, 0),
+        ("gdl90", "stratux_1.dat", vec!["--json"], 2070, 19),
+        ("mgl", "mgl_data1.bin", vec!["--json"], 1154, 0),
+        ("ubx", "pyubx2_pygpsdata-MIXED.log", vec!["--json"], 300, 0),
+        (
+            "fg-generic",
+            "fg2020.3.16_c172p_generic_svgc.bin",
+            vec!["--json", "--layout", layout],
+            229,
+            0,
+        ),
+    ] {
+        let document = json_of(&decode(protocol, &bus.join(file), &flags));
+        assert_eq!(document["good"], good, "{file}");
+        let counts = document["bad"].as_object().expect("an object").values();
+        let sum: u64 = counts.filter_map(Value::as_u64).sum();
+        assert_eq!(sum, bad, "{file}");
+    }
+    let traffic = decode("nmea", &bus.join("xcsoar_rl-traffic.nmea"), &["--samples"]);
+    let text = String::from_utf8(traffic.stdout).expect("UTF-8");
+    let first: Value = serde_json::from_str(text.lines().next().expect("a line")).expect("JSON");
+    assert_eq!(first["parameter"], "traffic");
+    assert_eq!(first["time"], Value::Null, "raw bytes have no times");
+    assert_eq!(first["value"]["north_m"], -1540.0);
+    assert_eq!(first["value"]["callsign"], "FJLKN");
+}
+
+#[test]
 fn traffic_of_others_is_ignored() {
     let Some(data) = support::data_dir() else {
         return;

@@ -354,3 +354,43 @@ fn a_failed_attitude_is_a_red_cross_without_sky_or_earth() {
         }
     }
 }
+
+#[test]
+fn a_disagreement_is_told_in_amber_and_the_value_stays() {
+    let mut bench = Bench::open();
+    let mut state = attitude(2.0, 10.0);
+    for (p, value) in [
+        (P::HeadingTrue, 1.0),
+        (P::IndicatedAirspeed, 50.0),
+        (P::PressureAltitude, 1000.0),
+        (P::GroundSpeed, 60.0),
+        (P::HeightAgl, 432.0),
+    ] {
+        state.set(p, Sampled::good(value, NOW), SourceId(1));
+    }
+    state.set_derived(P::VerticalSpeed, Sampled::good(2.0, NOW));
+    let quiet = bench.display(&state, 1024, 600);
+    state.set_miscompares([true, false, true, true, true]);
+    state.set_fallback(P::Pitch, true);
+    state.set_fallback(P::IndicatedAirspeed, true);
+    let told = bench.display(&state, 1024, 600);
+    let place = Layout::new(1024, 600).notes;
+    let amber = |picture: &Picture| {
+        let (x, y) = (place.min.x as usize, place.min.y as usize);
+        let (width, height) = (place.width() as usize, place.height() as usize);
+        let places = (0..width).flat_map(|i| (0..height).map(move |j| (x + i, y + j)));
+        let inked = places.filter(|(x, y)| {
+            let [r, g, b] = picture.at(*x, *y);
+            r > 180 && g > 120 && b < 80
+        });
+        inked.count()
+    };
+    assert_eq!(amber(&quiet), 0, "nothing amber where nothing is wrong");
+    assert!(amber(&told) > 600, "{}", amber(&told));
+    // Beside the notes nothing has changed: the instruments still read.
+    for y in 0..600 {
+        for x in (0..700).chain(840..1024) {
+            assert_eq!(quiet.at(x, y), told.at(x, y), "({x}, {y})");
+        }
+    }
+}

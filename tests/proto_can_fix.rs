@@ -74,15 +74,44 @@ fn the_published_vector_decodes_and_its_failure_does_not() {
     one(0x180, &[5, 0, 1, 0x08, 0x02]).assert_near(Parameter::Pitch, 5.2_f64.to_radians());
 }
 
+fn int(x: i16) -> Vec<u8> {
+    x.to_le_bytes().into()
+}
+
+fn uint(x: u16) -> Vec<u8> {
+    x.to_le_bytes().into()
+}
+
+fn dint(x: i32) -> Vec<u8> {
+    x.to_le_bytes().into()
+}
+
+fn float(x: f32) -> Vec<u8> {
+    x.to_le_bytes().into()
+}
+
+/// Each identifier with a value decodes to the expected number, and with a byte less or more to none.
+fn check(table: &[(u32, Vec<u8>, Parameter, f64)]) {
+    for (id, value, parameter, expected) in table {
+        let bytes = [&[5, 0, 0][..], value].concat();
+        one(*id, &bytes).assert_near(*parameter, *expected);
+        let mut bench = Bench::new();
+        bench.push(*id, &bytes[..bytes.len() - 1]);
+        assert_eq!(bench.decoder.counters().bad(Fault::Short), 1, "{id}");
+        if bytes.len() < 8 {
+            let mut bench = Bench::new();
+            bench.push(*id, &[&bytes[..], &[0]].concat());
+            assert_eq!(bench.decoder.counters().bad(Fault::Long), 1, "{id}");
+        }
+    }
+}
+
+// Identifiers in decimal, types and multipliers as in the standard's parameter reference: id, raw bytes, parameter, SI.
+
 #[test]
-fn every_identifier_has_its_parameter_unit_and_sign() {
+fn every_identifier_of_flight_and_navigation_has_its_parameter_unit_and_sign() {
     let rad = f64::to_radians;
-    // Identifiers in decimal, types and multipliers as in the standard's parameter reference: id, raw bytes, parameter, SI.
-    let int = |x: i16| x.to_le_bytes().to_vec();
-    let uint = |x: u16| x.to_le_bytes().to_vec();
-    let dint = |x: i32| x.to_le_bytes().to_vec();
-    let float = |x: f32| x.to_le_bytes().to_vec();
-    for (id, value, parameter, expected) in [
+    check(&[
         (325, int(1500), Parameter::FlapAngle, rad(15.0)),
         (385, int(-4500), Parameter::Roll, rad(-45.0)),
         (386, int(750), Parameter::AngleOfAttack, rad(7.5)),
@@ -128,6 +157,15 @@ fn every_identifier_has_its_parameter_unit_and_sign() {
         (461, dint(5500), Parameter::SelectedAltitude, 5500.0 * FOOT),
         (463, uint(30), Parameter::HorizontalAccuracy, 30.0 * FOOT),
         (464, uint(60), Parameter::VerticalAccuracy, 60.0 * FOOT),
+    ]);
+    one(1408, &[5, 0, 0, 12, 34, 56, 0xF4, 0x01]).assert_near(Parameter::UtcTimeOfDay, 45_296.5);
+    one(1409, &[5, 0, 0, 0xEA, 0x07, 11, 22]).assert_near(Parameter::UtcDate, 20_779.0);
+}
+
+#[test]
+fn every_identifier_of_rates_air_and_engine_has_its_parameter_unit_and_sign() {
+    let rad = f64::to_radians;
+    check(&[
         (512, uint(2400), Parameter::EngineSpeed, 2400.0),
         (513, uint(2300), Parameter::SecondEngineSpeed, 2300.0),
         (514, uint(2000), Parameter::PropellerSpeed, 2000.0),
@@ -163,20 +201,7 @@ fn every_identifier_has_its_parameter_unit_and_sign() {
         (1298, uint(55), Parameter::BusCurrent1, 5.5),
         (1310, uint(750), Parameter::EnginePower, 75.0),
         (1312, uint(12_345), Parameter::EngineTime, 1234.5),
-    ] {
-        let bytes = [&[5, 0, 0][..], &value].concat();
-        one(id, &bytes).assert_near(parameter, expected);
-        let mut bench = Bench::new();
-        bench.push(id, &bytes[..bytes.len() - 1]);
-        assert_eq!(bench.decoder.counters().bad(Fault::Short), 1, "{id}");
-        if bytes.len() < 8 {
-            let mut bench = Bench::new();
-            bench.push(id, &[&bytes[..], &[0]].concat());
-            assert_eq!(bench.decoder.counters().bad(Fault::Long), 1, "{id}");
-        }
-    }
-    one(1408, &[5, 0, 0, 12, 34, 56, 0xF4, 0x01]).assert_near(Parameter::UtcTimeOfDay, 45_296.5);
-    one(1409, &[5, 0, 0, 0xEA, 0x07, 11, 22]).assert_near(Parameter::UtcDate, 20_779.0);
+    ]);
 }
 
 #[test]
@@ -330,8 +355,9 @@ fn no_frame_makes_it_panic_allocate_or_say_what_cannot_be() {
     let mut random = Random(42);
     let mut decoder = Protocol::CanFix.decoder();
     let mut gauge = Gauge::default();
+    let frames = storm_frames(500_000);
     let before = allocations_of_this_thread();
-    for n in 0..storm_frames(500_000) {
+    for n in 0..frames {
         let mut data = random.next().to_be_bytes();
         if n % 2 == 0 {
             // Mostly well-formed, so that all the ways in are tried.
@@ -347,5 +373,5 @@ fn no_frame_makes_it_panic_allocate_or_say_what_cannot_be() {
         decoder.push(at((n / 10) as u64, Wire::Can(can)), &mut gauge);
     }
     assert_eq!(allocations_of_this_thread(), before, "allocates");
-    assert_eq!(decoder.counters().total(), storm_frames(500_000) as u64);
+    assert_eq!(decoder.counters().total(), frames as u64);
 }

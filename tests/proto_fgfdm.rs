@@ -468,7 +468,7 @@ fn no_damage_gives_a_number_that_its_parameter_cannot_have() {
             source: SourceId(0),
             wire: Wire::Datagram(&bytes),
         };
-        decoder.push(frame, &mut |s| {
+        decoder.push(frame, &mut |s: Signal| {
             if let Ok(x) = s.value {
                 let spec = s.parameter.spec();
                 assert!(

@@ -311,7 +311,7 @@ fn no_damage_makes_it_panic_allocate_or_believe() {
         Protocol::Gdl90,
         &frames,
         &[0x7E, 0x7E],
-        storm_frames(200_000),
+        storm_frames(500_000),
         &|bytes| bytes.split(|b| *b == 0x7E).any(piece_is_right),
     );
 }

@@ -341,9 +341,13 @@ fn no_damage_makes_text_lines_panic_allocate_or_believe() {
         (Protocol::GarminG3x, garmin, Some(b'=')),
         (Protocol::DynonD100, d100, None),
     ] {
-        storm(protocol, &frames, b"\r\n", storm_frames(50_000), &|bytes| {
-            holds_summed_line(bytes, start)
-        });
+        storm(
+            protocol,
+            &frames,
+            b"\r\n",
+            storm_frames(200_000),
+            &|bytes| holds_summed_line(bytes, start),
+        );
     }
 }
 
@@ -356,7 +360,7 @@ fn no_damage_makes_mgl_packets_panic_allocate_or_believe() {
         Protocol::Mgl,
         &frames,
         &flush,
-        storm_frames(50_000),
+        storm_frames(200_000),
         &|bytes| (0..bytes.len()).any(|i| holds_mgl_packet(&bytes[i..])),
     );
 }

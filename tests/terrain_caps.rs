@@ -25,7 +25,7 @@ mod support;
 #[path = "terrain_bake_support/mod.rs"]
 mod with;
 
-use with::{Field, Posts, baked, baked_as, tiff, write_hgt};
+use with::{Posts, angles, baked, baked_as, triangle, write_hgt, write_tiff};
 
 /// Longitude and latitude, degrees, of the post of a cap whose angles are u and v, degrees: n = (cos u sin v, sin u,
 /// cos u cos v) in the north, (cos u sin v, -sin u, -cos u cos v) in the south.
@@ -36,15 +36,6 @@ fn place(cap: Partition, v: f64, u: f64) -> (f64, f64) {
     let (x, y) = (cos_u * sin_v, sign * sin_u);
     let from_pole = x.hypot(y).atan2(cos_u * cos_v).to_degrees();
     (y.atan2(x).to_degrees(), sign * (90.0 - from_pole))
-}
-
-/// The angles (v, u) of a place: the other way round.
-fn angles(cap: Partition, longitude: f64, latitude: f64) -> (f64, f64) {
-    let sign = if cap == Partition::South { -1.0 } else { 1.0 };
-    let (sin, cos) = (90.0 - sign * latitude).to_radians().sin_cos();
-    let (sin_l, cos_l) = longitude.to_radians().sin_cos();
-    let (x, y, z) = (sin * cos_l, sign * sin * sin_l, cos);
-    (x.atan2(z).to_degrees(), y.asin().to_degrees())
 }
 
 /// A floor and what is above it; a thousandth of a millimetre from a whole number is that number.
@@ -78,34 +69,6 @@ fn bilinear(
         }
     }
     (sum, void, heaviest.1)
-}
-
-/// A GeoTIFF of whole metres whose samples stand on points, uncompressed.
-fn write_tiff(
-    path: &Path,
-    (columns, rows): (u32, u32),
-    corner: (f64, f64),
-    step: f64,
-    samples: &[i16],
-) {
-    let chunk: Vec<u8> = samples.iter().flat_map(|h| h.to_le_bytes()).collect();
-    let keys = [
-        1_u16, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 2, 2048, 0, 1, 4326,
-    ];
-    let fields = vec![
-        Field::longs(256, &[columns]),
-        Field::longs(257, &[rows]),
-        Field::shorts(258, &[16]),
-        Field::shorts(259, &[1]),
-        Field::shorts(262, &[1]),
-        Field::shorts(277, &[1]),
-        Field::longs(278, &[rows]),
-        Field::shorts(339, &[2]),
-        Field::doubles(33_550, &[step, step, 0.0]),
-        Field::doubles(33_922, &[0.0, 0.0, 0.0, corner.0, corner.1, 0.0]),
-        Field::shorts(34_735, &keys),
-    ];
-    fs::write(path, tiff(&[chunk], 273, 279, fields)).expect("written");
 }
 
 /// Posts a degree of the made-up land below: 30".
@@ -150,13 +113,13 @@ fn hills_pack() -> &'static Path {
 }
 
 #[test]
-fn cap_posts_have_the_bilinear_heights_of_their_source_from_64_degrees_on() {
+fn cap_posts_have_the_bilinear_heights_of_their_source_or_more_for_a_summit_from_64_degrees_on() {
     let pack = Pack::open(hills_pack()).expect("sound");
     assert!(pack.info().has(Partition::North) && !pack.info().has(Partition::South));
     let mut geographic = Posts::of(&pack);
     let mut cap = Posts::in_partition(&pack, Partition::North);
     let per_degree = f64::from(POSTS);
-    let (mut seen, mut voids, mut waters, mut worst) = (0, 0, 0, 0.0_f64);
+    let (mut seen, mut raised, mut voids, mut waters, mut worst) = (0, 0, 0, 0, 0.0_f64);
     let mut southernmost = 90.0_f64;
     // 26 degrees from the pole, between 19 and 23 degrees east.
     for j in 6 * POSTS..10 * POSTS {
@@ -180,13 +143,17 @@ fn cap_posts_have_the_bilinear_heights_of_their_source_from_64_degrees_on() {
             assert_eq!(kind == SurfaceKind::Void, void, "{latitude} {longitude}");
             // Half a metre is half the unit of whole metres; a millimetre is what snapping to a post makes of a cliff.
             assert!(
-                difference <= 0.501,
+                height_m >= want_m - 0.501,
                 "{latitude} {longitude}: {height_m} for {want_m}"
             );
-            let (_, _, heaviest) = bilinear(at, |i, j| geographic.at(0, i, j));
-            assert!(void || kind == heaviest, "{latitude} {longitude}");
             voids += u32::from(void);
             waters += u32::from(kind == SurfaceKind::Water);
+            if difference > 0.501 {
+                raised += 1;
+                continue;
+            }
+            let (_, _, heaviest) = bilinear(at, |i, j| geographic.at(0, i, j));
+            assert!(void || kind == heaviest, "{latitude} {longitude}");
             worst = worst.max(difference);
         }
     }
@@ -197,6 +164,8 @@ fn cap_posts_have_the_bilinear_heights_of_their_source_from_64_degrees_on() {
     assert!((34..110).contains(&voids), "{voids}");
     assert!((50..120).contains(&waters), "{waters}");
     assert!(worst > 0.49, "the hills are rough: {worst}");
+    // A post of 926 m may miss 116 m of a summit; the hills are 890 m high and as steep as mountains are.
+    assert!(raised * 20 < seen, "{raised} of {seen} are raised");
 }
 
 #[test]
@@ -212,13 +181,13 @@ fn a_cap_states_how_far_its_surface_is_from_any_post_of_its_source() {
             let (v, u) = angles(Partition::North, longitude, latitude);
             let (x, y) = (v * per_degree, u * per_degree);
             let (west, south) = (x.floor() as i32, y.floor() as i32);
-            let corners = [(0, 0), (1, 0), (0, 1), (1, 1)];
-            let whole = corners.iter().all(|(di, dj)| {
-                cap.stated_error_m(0, west + di, south + dj).is_some()
-                    && cap.at(0, west + di, south + dj).1 != SurfaceKind::Void
+            let corners = triangle((x, y));
+            let whole = corners.iter().all(|&((i, j), _)| {
+                cap.stated_error_m(0, i, j).is_some() && cap.at(0, i, j).1 != SurfaceKind::Void
             });
             if whole {
-                let (surface_m, _, _) = bilinear((x, y), |i, j| cap.at(0, i, j));
+                let shares = corners.map(|((i, j), weight)| weight * cap.at(0, i, j).0);
+                let surface_m: f64 = shares.iter().sum();
                 let difference = (surface_m - f64::from(height)).abs();
                 let tile = (west.div_euclid(128), south.div_euclid(128));
                 let most = worst.entry(tile).or_insert(0.0);
@@ -241,7 +210,7 @@ fn a_cap_states_how_far_its_surface_is_from_any_post_of_its_source() {
 }
 
 #[test]
-fn coarse_cap_levels_are_samples_of_the_finest_and_threads_change_nothing() {
+fn coarse_cap_levels_are_nowhere_lower_than_their_samples_and_threads_change_nothing() {
     let folder = support::scratch_dir("caps_levels");
     let out = folder.join("hills.pack");
     let (_, pack) = baked_as(&[hills(&folder)], &out, Heights::Egm96, None, 1).expect("sound");
@@ -249,21 +218,29 @@ fn coarse_cap_levels_are_samples_of_the_finest_and_threads_change_nothing() {
         fs::read(&out).expect("baked") == fs::read(hills_pack()).expect("baked"),
         "the same bytes from one thread and from three"
     );
-    let mut finest = Posts::in_partition(&pack, Partition::North);
+    let mut geographic = Posts::of(&pack);
+    let finest = Posts::in_partition(&pack, Partition::North);
     let mut coarse = Posts::in_partition(&pack, Partition::North);
     for level in 1..pack.info().levels {
         let step = 1 << level;
         let mut seen = 0;
         for j in (7 * POSTS..9 * POSTS).filter(|j| j % step == 0) {
             for i in (18 * POSTS..24 * POSTS).filter(|i| i % step == 0) {
-                if finest.stated_error_m(0, i, j).is_some() {
-                    let want = finest.at(0, i, j);
-                    assert_eq!(coarse.at(level, i / step, j / step), want, "level {level}");
+                let (v, u) = (f64::from(i), f64::from(j));
+                let (v, u) = (v / f64::from(POSTS), u / f64::from(POSTS));
+                let (longitude, latitude) = place(Partition::North, v, u);
+                let inside =
+                    (20.01..21.99).contains(&longitude) && (64.0..70.99).contains(&latitude);
+                if inside && finest.stated_error_m(0, i, j).is_some() {
+                    let at = (longitude * f64::from(POSTS), latitude * f64::from(POSTS));
+                    let (want, _, _) = bilinear(at, |i, j| geographic.at(0, i, j));
+                    let (height, _) = coarse.at(level, i / step, j / step);
+                    assert!(height > want - 0.51, "level {level}: {height} for {want}");
                     seen += 1;
                 }
             }
         }
-        assert!(seen > 0, "level {level}");
+        assert!(seen > 0 || level > 5, "level {level}");
     }
 }
 

@@ -400,8 +400,8 @@ fn verify_names_every_damaged_tile() {
     let sound = json(&["verify", text(&out), "--json"]);
     assert_eq!(sound["damaged"].as_array().map(Vec::len), Some(0));
     let mut bytes = fs::read(&out).expect("baked");
-    // Two places far apart among the tiles, which begin at byte 160.
-    bytes[300] ^= 4;
+    // Two places far apart among the tiles, which begin at byte 736.
+    bytes[900] ^= 4;
     bytes[20_000] ^= 4;
     let damaged = out.with_file_name("damaged.pack");
     fs::write(&damaged, &bytes).expect("written");
@@ -425,7 +425,7 @@ fn packs_that_are_none_are_named_with_what_to_do() {
     let mut newer = bytes.clone();
     newer[8] = 9;
     let mut older = bytes.clone();
-    older[8] = 1;
+    older[8] = 2;
     let mut header = bytes.clone();
     header[70] ^= 1;
     let mut index = bytes.clone();
@@ -435,11 +435,11 @@ fn packs_that_are_none_are_named_with_what_to_do() {
         (
             newer,
             &[
-                "written by a newer glasswing (format 9; this one reads up to 2)",
+                "written by a newer glasswing (format 9; this one reads up to 3)",
                 "update",
             ][..],
         ),
-        (older, &["has format 1", "bake it again from its sources"]),
+        (older, &["has format 2", "bake it again from its sources"]),
         (
             bytes[..bytes.len() - 1].to_vec(),
             &["cut short", "copy it again"],

@@ -41,16 +41,25 @@ const TOP_LEVEL: [&str; 20] = [
 ];
 
 /// The vocabulary, which every layer may name; `heap` counts allocations and is named where they are checked.
-const VOCABULARY: [&str; 8] = [
-    "limits", "time", "units", "angle", "geo", "sampled", "signal", "heap",
+const VOCABULARY: [&str; 9] = [
+    "limits",
+    "time",
+    "units",
+    "angle",
+    "atmosphere",
+    "geo",
+    "sampled",
+    "signal",
+    "heap",
 ];
 
 /// What each layer may name beside itself and the vocabulary: a module, or one name in it.
-const MAY_NAME: [(&str, &[&str]); 16] = [
+const MAY_NAME: [(&str, &[&str]); 17] = [
     ("limits", &[]),
     ("time", &[]),
     ("units", &[]),
     ("angle", &[]),
+    ("atmosphere", &[]),
     ("geo", &[]),
     ("sampled", &[]),
     ("signal", &[]),

@@ -2,7 +2,7 @@
 // where one takes over from the other. Put before both by gl::look.
 // Colours follow AC 25-11B table 5-1 (earth tan and brown); water is blue and missing data violet on black, and neither
 // colour occurs on land.
-uniform vec3 key;             // towards the lights, unit vectors east, north, up
+uniform vec3 key;             // towards the lights, as long as they are strong: east, north, up
 uniform vec3 fill;
 uniform vec4 haze;            // colour; 1 / distance at which half of it is reached, 1/m
 uniform vec3 brightness;      // of everything: 1 by day
@@ -31,14 +31,17 @@ vec3 ground(vec4 s, float height, float path, vec2 lines) {
     // Byte 128 is exactly 0.
     vec3 code = s.xyz * (255.0 / 127.0) - (128.0 / 127.0);
     vec2 slope = code.xy * (0.5 + 0.5 * abs(code.xy));
-    float up = sqrt(max(1.0 - dot(slope, slope), 0.0));
+    float up2 = max(1.0 - dot(slope, slope), 0.0);
+    float up = sqrt(up2);
     // Steep ground shows its rock; gentle relief is drawn steeper than it is, so that a plain is not a blank.
     float steep = clamp((0.92 - up) * 3.0, 0.0, 1.0);
     vec3 land = mix(tint(height), vec3(0.42, 0.40, 0.39), 0.6 * steep);
     vec3 sea = vec3(0.10, 0.34, 0.62);
     float wet = clamp(4.0 - 12.0 * s.w, 0.0, 1.0);
-    vec3 drawn = normalize(vec3((2.6 - 1.2 * steep) * slope, up));
-    float light = 0.26 + 1.02 * max(dot(drawn, key), 0.0) + 0.30 * max(dot(drawn, fill), 0.0);
+    // Lit as a normal that leans that much more, whose length is divided out at the end.
+    float lean = 2.6 - 1.2 * steep;
+    float shine = max(lean * dot(slope, key.xy) + up * key.z, 0.0) + max(lean * dot(slope, fill.xy) + up * fill.z, 0.0);
+    float light = 0.26 + shine * inversesqrt(lean * lean * (1.0 - up2) + up2);
     // Crests are lighter and hollows darker from wherever the light comes: this is what sets a ridge off from the next.
     light *= 1.0 + 0.6 * code.z;
     light = mix(light, 1.0, wet);

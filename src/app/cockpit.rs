@@ -27,9 +27,6 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// A level whose cells are all smaller than this many pixels is not drawn: it would cost triangles that nobody can see.
-const CELL_PIXELS_MIN: f64 = 1.0;
-
 /// What one frame did.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Drawn {
@@ -92,7 +89,7 @@ impl Cockpit {
     ) -> Result<Self, MakeError> {
         let settings = Settings {
             shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
-            cell_pixels_min: CELL_PIXELS_MIN,
+            target_px: board.terrain.target_px,
             ..Settings::default()
         };
         let vision = pack
@@ -140,9 +137,12 @@ impl Cockpit {
                 _ => Shown::off(Terrain::NoCamera),
             };
             (self.ui.terrain, self.ui.terrain_caution) = (shown.terrain, shown.caution);
-            if shown != Shown::WELL {
-                model = Model::build(state, &self.ui, &self.config, now);
+            if shown == Shown::WELL {
+                let above = camera.zip(self.vision.as_ref());
+                self.ui.height_above_ground =
+                    above.and_then(|(camera, vision)| vision.height_above_ground(&camera.eye));
             }
+            model = Model::build(state, &self.ui, &self.config, now);
         }
         let listing = Monotonic::read();
         self.instruments.list(&model);
@@ -179,8 +179,10 @@ impl Cockpit {
             Terrain::NoPack
         };
         self.ui.terrain_caution = None;
+        self.ui.height_above_ground = None;
         let model = Model::build(state, &self.ui, &self.config, now);
-        (model, self.camera(&model))
+        let camera = self.camera(&model);
+        (model, camera)
     }
 
     /// The camera of synthetic vision, if everything that it needs may be shown.

@@ -11,7 +11,7 @@ use crate::app::health::Pulse;
 use crate::heap;
 use crate::screen::{Screen, ScreenError};
 use crate::signal::Parameter;
-use crate::state::FlightState;
+use crate::state::{FlightState, attitude};
 use crate::time::Monotonic;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -165,6 +165,7 @@ pub fn fly(
         started,
     } = plan;
     let mut figures = RunFigures::new();
+    let mut lead = Lead::default();
     let loop_started = Monotonic::read();
     let end = duration.map(|d| loop_started.plus(d));
     let mut next = loop_started;
@@ -172,7 +173,7 @@ pub fn fly(
     while !stop.load(Ordering::Acquire) && end.is_none_or(|end| Monotonic::read() < end) {
         let now = Monotonic::read();
         before_frame(cockpit);
-        let state = state(now);
+        let state = lead.apply(&state(now), now);
         let drawn = cockpit.draw(&state, now);
         if let Some((writer, every)) = &mut frames
             && is_due(*every, figures.frames, now, &mut next_written)
@@ -186,6 +187,7 @@ pub fn fly(
         }
         let flip = screen.present().map_err(|e| screen_failed(&e))?;
         pulse.flipped(flip.at);
+        lead.learn(screen, now, flip.at);
         let presented = Monotonic::read();
         figures
             .frame_time
@@ -220,6 +222,25 @@ pub fn fly(
         tracing::info!("{written} frames written, {left_out} left out");
     }
     Ok(figures)
+}
+
+/// How long after its beginning a picture is seen: as long as the one before. Attitude is turned on by that much.
+///
+/// A headless screen shows pictures to nobody, at no time: they hold what was received, and can be held against it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Lead(Option<Duration>);
+
+impl Lead {
+    fn apply(self, state: &FlightState, now: Monotonic) -> FlightState {
+        match self.0 {
+            Some(lead) => attitude::turned_on(state, now, now.plus(lead)),
+            None => *state,
+        }
+    }
+
+    fn learn(&mut self, screen: &dyn Screen, begun: Monotonic, seen: Monotonic) {
+        self.0 = seen.since(begun).filter(|_| !screen.is_headless());
+    }
 }
 
 /// Whether this frame is one to be written.

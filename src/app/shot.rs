@@ -20,7 +20,8 @@ use crate::screen::{self, Screen};
 use crate::signal::{Parameter, SourceId};
 use crate::state::FlightState;
 use crate::terrain::pack::Pack;
-use crate::terrain::scene::{FrameFigures, Settings};
+use crate::terrain::reach::TARGET_PX;
+use crate::terrain::scene::{self, FrameFigures, Settings};
 use crate::time::Monotonic;
 use crate::units::Radians;
 use serde::Serialize;
@@ -89,12 +90,26 @@ pub struct ShotArgs {
     /// For eyes used to daylight, or to the dark: terrain and sky a third as bright
     #[arg(long, value_enum, default_value_t = Light::Day)]
     pub palette: Light,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: the board's terrain.target_px,
+    /// 0.05 to 4. Coarser draws fewer triangles
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = parse_target)]
+    pub target_px: f64,
     /// What draws
     #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
     pub backend: Backend,
     /// Print figures of the frame as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// A target for the error.
+///
+/// # Errors
+/// With what is asked for instead.
+pub(super) fn parse_target(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|v| TARGET_PX.contains(v));
+    let (least, most) = (TARGET_PX.start(), TARGET_PX.end());
+    number.ok_or_else(|| format!("a number of pixels from {least} to {most} is needed"))
 }
 
 /// For which eyes a picture is.
@@ -142,6 +157,7 @@ impl FromStr for Triple {
 /// What `--json` prints.
 #[derive(Debug, Serialize)]
 struct Report {
+    target_px: f64,
     triangles: usize,
     draw_calls: usize,
     levels: usize,
@@ -172,8 +188,7 @@ pub fn run(args: ShotArgs) -> Result<(), Failure> {
     let pack = Arc::new(pack);
     let screen = open(args.backend, args.size)?;
     let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gpu_failure(&e))?;
-    let mut studio =
-        Studio::new(&gpu, Arc::clone(&pack), args.size).map_err(|e| gpu_failure(&e))?;
+    let mut studio = Studio::new(&gpu, Arc::clone(&pack), &args).map_err(|e| gpu_failure(&e))?;
     let settled = studio.settle(&camera)?;
     studio.shown = Shown::assess(&studio.scenery, &pack, &camera, &settled.figures);
     // From where an instrument would have to say that it has no height, the view goes without.
@@ -320,10 +335,15 @@ enum StudioError {
 }
 
 impl Studio {
-    fn new(gpu: &Rc<Gpu>, pack: Arc<Pack>, size: Size) -> Result<Self, StudioError> {
+    fn new(gpu: &Rc<Gpu>, pack: Arc<Pack>, args: &ShotArgs) -> Result<Self, StudioError> {
+        let size = args.size;
+        let settings = Settings {
+            target_px: args.target_px,
+            ..Settings::default()
+        };
         Ok(Self {
             gpu: Rc::clone(gpu),
-            scenery: Scenery::new(gpu, Settings::default(), pack)?,
+            scenery: Scenery::new(gpu, settings, pack)?,
             instruments: Instruments::new(gpu, size)?,
             has_instruments: true,
             shown: Shown::WELL,
@@ -401,6 +421,7 @@ impl Studio {
         let figures = settled.figures;
         let damage = figures.damage;
         Ok(Report {
+            target_px: args.target_px,
             triangles: figures.triangles,
             draw_calls,
             levels: figures

@@ -19,15 +19,12 @@ use std::sync::Arc;
 pub fn listen_to(board: &Board, index: usize, wish: &SourceWish) -> Result<SourceHandle, Failure> {
     // A board file has at most SOURCES_MAX sources, which fit a byte.
     let id = SourceId(u8::try_from(index).unwrap_or(u8::MAX));
-    let name = wish.name.as_str();
+    let (name, protocol) = (wish.name.as_str(), wish.protocol);
+    let decoder = wish.decoder();
     let opened = match &wish.endpoint {
-        board::Endpoint::Udp { bind, allow } => {
-            listen_udp(name, id, wish.decoder(), *bind, allow.clone())
-        }
-        board::Endpoint::Can { interface } => listen_can(name, id, wish.protocol, interface),
-        board::Endpoint::Serial { path, baud } => {
-            listen_serial(name, id, wish.decoder(), path, *baud)
-        }
+        board::Endpoint::Udp { bind, allow } => listen_udp(name, id, decoder, *bind, allow.clone()),
+        board::Endpoint::Can { interface } => listen_can(name, id, protocol, interface),
+        board::Endpoint::Serial { path, baud } => listen_serial(name, id, decoder, path, *baud),
     };
     opened.map_err(|e| refusal(board, index, wish, e))
 }
@@ -58,21 +55,6 @@ pub fn listen_udp(
     listen(name, id, decoder, Endpoint::Udp { bind, allow })
 }
 
-/// Listens to a serial port. See [`bus::spawn`].
-///
-/// # Errors
-/// When it is missing, held by another program, refused, or does not have the speed.
-pub fn listen_serial(
-    name: &str,
-    id: SourceId,
-    decoder: impl Into<Box<dyn Decoder>>,
-    path: &str,
-    baud: u32,
-) -> Result<SourceHandle, BusError> {
-    let path = path.to_owned();
-    listen(name, id, decoder, Endpoint::Serial { path, baud })
-}
-
 /// Listens to a CAN interface, to the identifiers that the protocol has a use for. See [`bus::spawn`].
 ///
 /// # Errors
@@ -88,6 +70,21 @@ pub fn listen_can(
         ids: protocol.can_ids(),
     };
     listen(name, id, protocol, endpoint)
+}
+
+/// Listens to a serial port. See [`bus::spawn`].
+///
+/// # Errors
+/// When it is missing, held by another program, refused, or does not have the speed.
+pub fn listen_serial(
+    name: &str,
+    id: SourceId,
+    decoder: impl Into<Box<dyn Decoder>>,
+    path: &str,
+    baud: u32,
+) -> Result<SourceHandle, BusError> {
+    let path = path.to_owned();
+    listen(name, id, decoder, Endpoint::Serial { path, baud })
 }
 
 /// Listens to any endpoint. See [`bus::spawn`].

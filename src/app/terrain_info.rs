@@ -40,8 +40,11 @@ fn bits_per_sample(bytes: u64, posts: u64) -> f64 {
     }
 }
 
+/// Of the finest level.
 fn max_error_m(pack: &Pack, partition: Partition) -> f32 {
-    let keys = pack.keys().filter(|k| k.partition == partition);
+    let keys = pack
+        .keys()
+        .filter(|k| k.partition == partition && k.level == 0);
     let headers = keys.filter_map(|k| pack.tile_header(k));
     headers.map(|h| h.max_error_m).fold(0.0, f32::max)
 }
@@ -55,14 +58,19 @@ pub fn print(pack: &Pack, args: &PackArgs) {
     }
 }
 
-fn levels_json(pack: &Pack, levels: &[LevelSummary]) -> Vec<Value> {
+fn levels_json(pack: &Pack, partition: Partition, levels: &[LevelSummary]) -> Vec<Value> {
     std::iter::zip(0_u8.., levels)
         .map(|(level, s)| {
+            let error = pack.info().level_error(partition, level);
             json!({
                 "level": level,
                 "spacing_deg": pack.info().grid.spacing_deg(level),
                 "tiles": s.tiles,
                 "bytes": s.bytes,
+                "rms_error_m": error.map(|e| e.rms_m),
+                "max_error_m": error.map(|e| e.max_m),
+                "low_m": error.map(|e| e.low_m),
+                "summit_low_m": error.map(|e| e.summit_low_m),
             })
         })
         .collect()
@@ -74,7 +82,7 @@ fn info_json(path: &Path, pack: &Pack) -> Value {
         .map(|partition| {
             json!({
                 "partition": partition.name(),
-                "levels": levels_json(pack, &level_summaries(pack, partition)),
+                "levels": levels_json(pack, partition, &level_summaries(pack, partition)),
                 "max_error_m": max_error_m(pack, partition),
             })
         })
@@ -90,7 +98,7 @@ fn info_json(path: &Path, pack: &Pack) -> Value {
         "pack": path.display().to_string(),
         "version": info.version,
         "posts_per_degree": info.grid.posts_per_degree,
-        "levels": levels_json(pack, &geographic),
+        "levels": levels_json(pack, Partition::Geographic, &geographic),
         "partitions": partitions,
         "bounds": bounds_json(&info.bounds),
         "unit_m": info.unit_m,
@@ -155,16 +163,11 @@ fn print_text(path: &Path, pack: &Pack) {
                 max_error_m(pack, partition)
             );
         }
-        say!("level  spacing/deg  tiles      bytes");
-        for (level, s) in std::iter::zip(0_u8.., level_summaries(pack, partition)) {
-            say!(
-                "{level:5}  {:11.7}  {:5}  {:9}",
-                info.grid.spacing_deg(level),
-                s.tiles,
-                s.bytes
-            );
-        }
+        print_levels(pack, partition);
     }
+    say!(
+        "RMS, most and low: the level's surface against the finest posts, metres; low: below any of them; summit: below one"
+    );
     for source in pack.sources() {
         let b = source.rect.bounds(info.grid);
         say!(
@@ -174,6 +177,25 @@ fn print_text(path: &Path, pack: &Pack) {
             b.north_deg,
             b.west_deg,
             b.east_deg
+        );
+    }
+}
+
+fn print_levels(pack: &Pack, partition: Partition) {
+    say!("level  spacing/deg  tiles      bytes  RMS/m  most/m  low/m  summit/m");
+    for (level, s) in std::iter::zip(0_u8.., level_summaries(pack, partition)) {
+        let errors = match pack.info().level_error(partition, level) {
+            Some(e) => format!(
+                "{:5.1}  {:6.0}  {:5.0}  {:8.0}",
+                e.rms_m, e.max_m, e.low_m, e.summit_low_m
+            ),
+            None => "    -       -      -         -".to_owned(),
+        };
+        say!(
+            "{level:5}  {:11.7}  {:5}  {:9}  {errors}",
+            pack.info().grid.spacing_deg(level),
+            s.tiles,
+            s.bytes
         );
     }
 }

@@ -159,6 +159,13 @@ impl Vision {
         Some(Metres(undulation_m))
     }
 
+    /// How high the eye of the picture drawn last stands above its ground; `None` where there is none.
+    #[must_use]
+    pub fn height_above_ground(&self, eye: &Geodetic) -> Option<Metres> {
+        let ground = self.scenery.terrain().ground(eye).ok()?;
+        Some(eye.height_ellipsoid - ground)
+    }
+
     /// Streams at most `quota_texels` without drawing. Returns whether every wanted level is there; true too where there
     /// is nothing to wait for.
     pub fn stream(&mut self, camera: &Camera, quota_texels: usize) -> bool {

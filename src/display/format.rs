@@ -4,6 +4,7 @@
 
 use super::ui::BaroUnit;
 use crate::angle::wrap_turn;
+use crate::signal::SourceId;
 use crate::units::{
     Degrees, Feet, FeetPerMinute, Hectopascals, InchesOfMercury, Knots, Metres, MetresPerSecond,
     Radians,
@@ -95,6 +96,18 @@ pub fn compass_label(degrees: i64) -> Text {
         270 => text(format_args!("W")),
         d => text(format_args!("{}", d / 10)),
     }
+}
+
+/// A height to the nearest ten feet.
+#[must_use]
+pub fn tens_of_feet(height: Feet) -> Text {
+    mark(whole(height.0 / 10.0) * 10)
+}
+
+/// A source by its place in the board file, from 1.
+#[must_use]
+pub fn source_label(source: SourceId) -> Text {
+    text(format_args!("SRC {}", u16::from(source.0) + 1))
 }
 
 /// The label of a mark on a tape or ladder.

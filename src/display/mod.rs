@@ -4,14 +4,15 @@
 //! which one (with its label), and else why not; it never draws. Feet, knots and degrees of arc appear here for the first
 //! time, through [`mod@format`], and the text of numbers is made only there.
 
-pub mod atmosphere;
 pub mod colour;
 pub mod format;
 mod model;
+mod notes;
 mod ui;
 
 pub use model::{
     Airspeed, AirspeedKind, Altitude, AltitudeKind, BaroBox, CameraHeight, CameraInputs, Heading,
     Model, North, PitchRoll, Slip, SvsOff,
 };
+pub use notes::{NOTES_MAX, Note, NoteKind, Notes};
 pub use ui::{BaroSetting, BaroUnit, Config, Terrain, TerrainCaution, Ui, VSpeeds};

@@ -1,8 +1,9 @@
 //! The model: for every field of the display a value with its label, or why there is none.
 
-use super::atmosphere::indicated_altitude;
 use super::format;
+use super::notes::{Notes, notes};
 use super::ui::{BaroSetting, BaroUnit, Config, Terrain, TerrainCaution, Ui, VSpeeds};
+use crate::atmosphere::indicated_altitude;
 use crate::geo::Attitude;
 use crate::sampled::Invalid;
 use crate::signal::Parameter as P;
@@ -158,7 +159,7 @@ impl SvsOff {
 }
 
 /// Everything that the display shows, for one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Model {
     /// Pitch and roll; without them there is no horizon at all.
     pub attitude: Result<PitchRoll, Invalid>,
@@ -182,6 +183,10 @@ pub struct Model {
     pub svs: Result<CameraInputs, SvsOff>,
     /// What is to be said of the terrain, where it is shown.
     pub svs_caution: Option<TerrainCaution>,
+    /// Above the ground: as received, else above the terrain that is drawn; `None` where neither is to be had.
+    pub height_above_ground: Option<Feet>,
+    /// What is to be said of values that are shown.
+    pub notes: Notes,
     /// Limiting speeds.
     pub v_speeds: VSpeeds,
     /// The unit of barometric settings.
@@ -197,13 +202,32 @@ impl Model {
         let attitude = attitude(state, now);
         let altitude = altitude(state, ui, now);
         let svs = svs(attitude, state, ui, now);
+        let heading = heading(state, now);
+        let airspeed = airspeed(state, now);
+        let shown = |parameter| match parameter {
+            P::Pitch | P::Roll => attitude.is_ok(),
+            P::HeadingTrue => heading.is_ok_and(|h| h.north == North::True),
+            P::HeadingMagnetic => heading.is_ok_and(|h| h.north == North::Magnetic),
+            P::PressureAltitude => altitude.is_ok_and(|a| a.kind == AltitudeKind::PilotBaro),
+            P::BaroAltitude => altitude.is_ok_and(|a| a.kind == AltitudeKind::SourceBaro),
+            P::AltitudeMsl => altitude.is_ok_and(|a| a.kind == AltitudeKind::Geometric),
+            P::IndicatedAirspeed => airspeed.is_ok_and(|a| a.kind == AirspeedKind::Indicated),
+            P::CalibratedAirspeed => airspeed.is_ok_and(|a| a.kind == AirspeedKind::Calibrated),
+            _ => true,
+        };
         Self {
+            notes: notes(state, now, shown),
+            height_above_ground: state
+                .height(P::HeightAgl, now)
+                .ok()
+                .or(ui.height_above_ground)
+                .map(format::feet),
             attitude,
             slip: state.read(P::LateralAcceleration, now).map(|g| Slip {
                 ball_widths: -g / 0.1,
             }),
-            heading: heading(state, now),
-            airspeed: airspeed(state, now),
+            heading,
+            airspeed,
             altitude,
             baro: baro_box(altitude, state, ui, now),
             vertical_speed: state
@@ -223,7 +247,9 @@ impl Model {
 /// Of several reasons the one that the pilot should know first: disagreement, then failure, then age, then absence.
 fn gravest(a: Invalid, b: Invalid) -> Invalid {
     let weight = |i| match i {
-        Invalid::Miscompare => 5,
+        Invalid::Miscompare => 7,
+        Invalid::Implausible => 6,
+        Invalid::Frozen => 5,
         Invalid::SourceFailed => 4,
         Invalid::OutOfRange => 3,
         Invalid::Doubtful => 2,
@@ -264,7 +290,13 @@ fn attitude(state: &FlightState, now: Monotonic) -> Result<PitchRoll, Invalid> {
 }
 
 fn heading(state: &FlightState, now: Monotonic) -> Result<Heading, Invalid> {
-    let from = |parameter, north| state.angle(parameter, now).map(|angle| (angle, north));
+    // What was turned from one north to the other is for the camera: the pilot sees the heading that a source gives.
+    let from = |parameter, north| {
+        if state.is_derived(parameter) {
+            return Err(Invalid::NeverReceived);
+        }
+        state.angle(parameter, now).map(|angle| (angle, north))
+    };
     let ((angle, north), reverted) = first_valid([
         from(P::HeadingTrue, North::True),
         from(P::HeadingMagnetic, North::Magnetic),

@@ -1,7 +1,7 @@
 //! What the pilot and the installer have set.
 
-use super::atmosphere::STANDARD_PRESSURE;
-use crate::units::{Hectopascals, Knots, Radians};
+use crate::atmosphere::STANDARD_PRESSURE;
+use crate::units::{Hectopascals, Knots, Metres, Radians};
 
 /// A barometric setting that an altimeter accepts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,6 +93,8 @@ pub struct Ui {
     pub terrain: Terrain,
     /// What is to be said of terrain that is shown.
     pub terrain_caution: Option<TerrainCaution>,
+    /// How high the eye stands above the ground that is drawn, where nothing is wrong with that.
+    pub height_above_ground: Option<Metres>,
     /// Whether ground is coloured by its height relative to the aircraft.
     pub awareness: bool,
     /// Whether lines of latitude and longitude lie on the ground.
@@ -109,6 +111,7 @@ impl Default for Ui {
             baro_standard: false,
             terrain: Terrain::NoPack,
             terrain_caution: None,
+            height_above_ground: None,
             awareness: false,
             grid: false,
             night: false,

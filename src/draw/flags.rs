@@ -3,7 +3,7 @@
 //!
 //! - nothing ever received: dashed grey frame, "- - -"
 //! - too old: amber frame, one diagonal, "OLD"
-//! - failed (by its source's word, or out of range): red frame, two diagonals, "FAIL"
+//! - failed (by its source's word, out of range, frozen, or refuted by other sensors): red frame, two diagonals, "FAIL"
 //! - sources disagree: two amber frames, no diagonal, "CMP"
 
 use super::list::Rect;
@@ -21,7 +21,9 @@ const fn look(reason: Invalid) -> Look {
     let (word, colour) = match reason {
         Invalid::NeverReceived => ("- - -", colour::ABSENT),
         Invalid::Stale => ("OLD", colour::CAUTION),
-        Invalid::OutOfRange | Invalid::SourceFailed => ("FAIL", colour::WARNING),
+        Invalid::OutOfRange | Invalid::SourceFailed | Invalid::Frozen | Invalid::Implausible => {
+            ("FAIL", colour::WARNING)
+        }
         Invalid::Doubtful => ("CHK", colour::CAUTION),
         Invalid::Miscompare => ("CMP", colour::CAUTION),
     };
@@ -36,6 +38,8 @@ const fn sentence(reason: Invalid) -> &'static str {
         Invalid::OutOfRange => "VALUE OUT OF RANGE",
         Invalid::SourceFailed => "SOURCE REPORTS FAILURE",
         Invalid::Doubtful => "SOURCE DOUBTS ITSELF",
+        Invalid::Frozen => "SENSOR STANDS STILL",
+        Invalid::Implausible => "CONTRADICTS THE TURN",
         Invalid::Miscompare => "SOURCES DISAGREE",
     }
 }
@@ -138,7 +142,7 @@ fn marks(pen: &mut Pen<'_>, rect: Rect, reason: Invalid, weight: f32) {
             pen.list.line(lower_left, upper_right, width * 1.4, colour);
             pen.list.frame(rect, width, colour);
         }
-        Invalid::OutOfRange | Invalid::SourceFailed => {
+        Invalid::OutOfRange | Invalid::SourceFailed | Invalid::Frozen | Invalid::Implausible => {
             pen.list.line(lower_left, upper_right, width * 1.4, colour);
             pen.list.line(min, max, width * 1.4, colour);
             pen.list.frame(rect, width, colour);

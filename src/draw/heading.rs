@@ -1,4 +1,4 @@
-//! The heading tape with its window, and ground speed and track.
+//! The heading tape with its window; ground speed, track and height above the ground.
 
 use super::flags;
 use super::list::Rect;
@@ -146,6 +146,15 @@ pub(super) fn draw_ground(pen: &mut Pen<'_>, model: &Model) {
             colour::TRACK,
         ),
         Err(reason) => flags::cover_line(pen, lower, "TRK", reason),
+    }
+}
+
+/// Height above the ground, under the barometric setting; nothing where it is not to be had.
+pub(super) fn draw_height_above_ground(pen: &mut Pen<'_>, model: &Model) {
+    if let Some(height) = model.height_above_ground {
+        let value = format::tens_of_feet(height);
+        let rect = pen.layout.height_above_ground;
+        draw_field(pen, rect, "AGL", &value, "FT", colour::SCALE);
     }
 }
 

@@ -4,10 +4,15 @@
 //! the attitude symbols to the middle.
 
 use super::list::Rect;
+use crate::display::NOTES_MAX;
 use glam::Vec2;
 
 /// The panel on which the measures of this module are given, in pixels.
 const DESIGN: Vec2 = Vec2::new(1024.0, 600.0);
+
+/// The most lines of notes.
+#[expect(clippy::cast_precision_loss, reason = "a dozen")]
+const NOTES: f32 = NOTES_MAX as f32;
 
 /// Where everything is, in pixels from the upper left corner.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,6 +35,8 @@ pub struct Layout {
     pub altitude_title: Rect,
     /// Barometric setting.
     pub baro: Rect,
+    /// Height above the ground.
+    pub height_above_ground: Rect,
     /// Vertical speed scale.
     pub vertical_speed: Rect,
     /// Heading tape.
@@ -42,6 +49,8 @@ pub struct Layout {
     pub track: Rect,
     /// Why there is no terrain.
     pub annunciation: Rect,
+    /// Lines about values that are shown: room for all of them.
+    pub notes: Rect,
     /// Where the flag of a missing attitude stands.
     pub attitude_flag: Rect,
     /// Where the flag of a missing slip ball stands.
@@ -81,10 +90,12 @@ impl Layout {
             altitude_title: right(186.0, -226.0, 108.0, 24.0),
             altitude: right(186.0, -200.0, 108.0, 400.0),
             baro: right(186.0, 206.0, 108.0, 26.0),
+            height_above_ground: right(186.0, 238.0, 130.0, 24.0),
             vertical_speed: right(76.0, -150.0, 52.0, 300.0),
             heading: middle(-240.0, 250.0, 480.0, 42.0),
             heading_window: middle(-46.0, 217.0, 92.0, 32.0),
             annunciation: left(144.0, -198.0, 128.0, 46.0),
+            notes: right(318.0, -198.0, 128.0, 18.0 * NOTES),
             attitude_flag: middle(-190.0, -140.0, 380.0, 280.0),
             slip_flag: middle(-52.0, -188.0, 104.0, 20.0),
         }
@@ -104,19 +115,21 @@ impl Layout {
 
     /// All rectangles, for checks.
     #[must_use]
-    pub const fn rects(&self) -> [Rect; 13] {
+    pub const fn rects(&self) -> [Rect; 15] {
         [
             self.airspeed_title,
             self.airspeed,
             self.altitude_title,
             self.altitude,
             self.baro,
+            self.height_above_ground,
             self.vertical_speed,
             self.heading,
             self.heading_window,
             self.ground_speed,
             self.track,
             self.annunciation,
+            self.notes,
             self.attitude_flag,
             self.slip_flag,
         ]
@@ -142,7 +155,7 @@ mod tests {
             for (i, a) in rects.iter().enumerate() {
                 assert!(a.min.min_element() >= 0.0, "{w}x{h}: {i} {a:?}");
                 assert!(a.max.cmple(layout.size).all(), "{w}x{h}: {i} {a:?}");
-                for (j, b) in rects[..11].iter().enumerate() {
+                for (j, b) in rects[..13].iter().enumerate() {
                     let apart = a.max.cmple(b.min).any() || b.max.cmple(a.min).any();
                     assert!(i == j || apart, "{w}x{h}: {i} {a:?} on {j} {b:?}");
                 }

@@ -14,6 +14,7 @@ mod heading;
 mod horizon;
 mod layout;
 pub mod list;
+mod notes;
 mod pen;
 mod roll;
 mod sdf;
@@ -40,6 +41,8 @@ pub fn draw(model: &Model, layout: &Layout, atlas: &Atlas, list: &mut DrawList) 
     vsi::draw(&mut pen, model);
     heading::draw(&mut pen, model);
     heading::draw_ground(&mut pen, model);
+    heading::draw_height_above_ground(&mut pen, model);
+    notes::draw(&mut pen, model);
 }
 
 #[cfg(test)]

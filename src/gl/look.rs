@@ -9,7 +9,7 @@ use glow::HasContext as _;
 
 use super::program::{Program, UniformLocation};
 use super::{GlError, Gpu};
-use crate::terrain::clipmap::Window;
+use crate::terrain::clipmap::{Window, torus_texel};
 use crate::terrain::grid::Grid;
 use crate::units::{Feet, Metres, Radians};
 
@@ -98,24 +98,26 @@ impl Lines {
         Self(fits.map_or(1800, |(minutes, _)| *minutes))
     }
 
-    /// Where a level's cells lie among the lines: the window's origin east and north of a line, and a cell, each in steps
-    /// from one line to the next. Computed in whole posts, so that a line stands on the same posts in every window.
+    /// Where a level's texels lie among the lines: coordinates 0 in its surface of `texels` a side east and north of a line, and
+    /// the whole surface, each in steps from one line to the next. `window`: the origin of what is drawn. Computed in whole posts,
+    /// so that a line stands on the same posts in every window.
     #[expect(
         clippy::cast_possible_truncation,
-        reason = "a fraction of a step, and a power of two by a small whole number"
+        clippy::cast_precision_loss,
+        reason = "a few steps, rounded to what the shader takes"
     )]
-    pub(super) fn place(self, grid: Grid, level: u8, window: Window) -> [f32; 3] {
+    pub(super) fn place(self, grid: Grid, level: u8, window: Window, texels: usize) -> [f32; 3] {
         // Posts stand on whole fractions of a degree, all of them multiples of a minute's.
         let step = i64::from(grid.posts_per_degree) * i64::from(self.0) / 60;
+        let cell = fraction(1 << level, step);
         let from_line = |post: i32| {
             let posts = (i64::from(post) << level).rem_euclid(step);
-            (fraction(posts, step)) as f32
+            // The post's texel has its coordinates in its middle.
+            let at = torus_texel(texels, post) as f64 + 0.5;
+            (fraction(posts, step) - at * cell) as f32
         };
-        [
-            from_line(window.i),
-            from_line(window.j),
-            fraction(1 << level, step) as f32,
-        ]
+        let across = texels as f64 * cell;
+        [from_line(window.i), from_line(window.j), across as f32]
     }
 
     /// Minutes of arc from one line to the next.
@@ -259,8 +261,11 @@ impl LookUniforms {
         let palette = look.palette;
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
         unsafe {
-            gl.uniform_3_f32_slice(Some(&self.key), &light(heading, KEY_LIGHT_DEG));
-            gl.uniform_3_f32_slice(Some(&self.fill), &light(heading, FILL_LIGHT_DEG));
+            gl.uniform_3_f32_slice(Some(&self.key), &light(heading, KEY_LIGHT_DEG, KEY_LIGHT));
+            gl.uniform_3_f32_slice(
+                Some(&self.fill),
+                &light(heading, FILL_LIGHT_DEG, FILL_LIGHT),
+            );
             gl.uniform_4_f32(Some(&self.haze), r, g, b, (1.0 / look.haze_m) as f32);
             gl.uniform_3_f32_slice(Some(&self.brightness), &palette.brightness());
             if let (Some([warning, caution, margin]), Some(height)) =
@@ -287,15 +292,19 @@ impl LookUniforms {
 const KEY_LIGHT_DEG: (f64, f64) = (-88.0, 40.0);
 const FILL_LIGHT_DEG: (f64, f64) = (70.0, 25.0);
 
-/// The unit vector east, north, up towards a light.
+/// How strong they are: 1 shows a surface that faces the light in its own colour.
+const KEY_LIGHT: f64 = 1.02;
+const FILL_LIGHT: f64 = 0.30;
+
+/// The vector east, north, up towards a light, as long as the light is strong.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "numbers for the shader, which is f32"
 )]
-fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64)) -> [f32; 3] {
+fn light(heading: Radians, (azimuth_deg, elevation_deg): (f64, f64), strength: f64) -> [f32; 3] {
     let (sin, cos) = (heading.0 + azimuth_deg.to_radians()).sin_cos();
     let (up, along) = elevation_deg.to_radians().sin_cos();
-    [(along * sin) as f32, (along * cos) as f32, up as f32]
+    [along * sin, along * cos, up].map(|v| (strength * v) as f32)
 }
 
 #[cfg(test)]
@@ -347,9 +356,11 @@ mod tests {
                 },
             ),
         ] {
-            let [east, _, cell] = lines.place(grid, level, window);
+            let [east, _, across] = lines.place(grid, level, window, 512);
+            // Coordinates go on beyond 1 where the surface wraps.
             let cells = f64::from((-84_000 >> level) - window.i);
-            let at = f64::from(east) + cells * f64::from(cell);
+            let texel = f64::from(window.i.rem_euclid(512)) + cells + 0.5;
+            let at = f64::from(east) + texel / 512.0 * f64::from(across);
             assert!((at - at.round()).abs() < 1e-5, "{level} {window:?}: {at}");
         }
         for posts_per_degree in crate::terrain::grid::POSTS_PER_DEGREE {

@@ -1,5 +1,5 @@
 //! Draws the terrain: the textures of the levels of each [`Scene`] of a [`World`], and one instanced draw for each level of
-//! the scene that is drawn. The caps have a program of their own, with another expression for positions.
+//! the scene that is drawn, two for the finest. The caps have a program of their own, with another expression for positions.
 //!
 //! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
 //! tables and blocks rotate through three textures and buffers.
@@ -25,6 +25,7 @@ use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices};
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
 use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
+use crate::terrain::slices::Slice;
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
@@ -309,12 +310,12 @@ impl TerrainRenderer {
         self.world.drawn()
     }
 
-    /// Draw calls of the planned frame: one for each level with a block in the picture.
+    /// Draw calls of the planned frame: one for each slice of depth, see [`crate::terrain::slices`].
     #[must_use]
     pub fn draw_calls(&self) -> usize {
         self.scene().map_or(0, |scene| {
             let levels = &scene.plan().levels;
-            levels.iter().filter(|level| level.blocks.1 > 0).count()
+            levels.iter().map(|level| level.slices.len()).sum()
         })
     }
 
@@ -351,11 +352,15 @@ impl TerrainRenderer {
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
             if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
-                let place = lines.place(scene.grid(), level.level, level.window);
+                let texels = scene.settings().shape.texels();
+                let place = lines.place(scene.grid(), level.level, level.window, texels);
                 shader.program.set_f32(at, &place);
             }
-            let array = self.blocks_of(level);
-            array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(level.blocks.1));
+            for slice in &level.slices {
+                self.set_slice(shader, slice);
+                let array = self.blocks_from(slice.blocks.0);
+                array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(slice.blocks.1));
+            }
         }
         // SAFETY: as above.
         unsafe {
@@ -364,10 +369,19 @@ impl TerrainRenderer {
         }
     }
 
-    /// The vertex array that draws a level's blocks.
-    fn blocks_of(&self, level: &LevelPlan) -> &VertexArray {
+    fn set_slice(&self, shader: &Shader, slice: &Slice) {
+        let gl = self.gpu.gl();
+        // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
+        unsafe {
+            gl.uniform_2_f32(Some(&shader.depth), slice.depth.0, slice.depth.1);
+            gl.depth_range_f32(slice.range.0, slice.range.1);
+        }
+    }
+
+    /// The vertex array that draws blocks from the `first` on.
+    fn blocks_from(&self, first: usize) -> &VertexArray {
         let array = &self.arrays[self.region];
-        let first = level.blocks.0 * size_of::<Block>();
+        let first = first * size_of::<Block>();
         let block = Attribute {
             location: 0,
             components: 4,
@@ -425,8 +439,7 @@ impl TerrainRenderer {
         level: &LevelPlan,
     ) {
         let gl = self.gpu.gl();
-        let shape = scene.settings().shape;
-        let texels = shape.texels();
+        let texels = scene.settings().shape.texels();
         let at = usize::from(level.level);
         let coarser = if level.has_coarser { at + 1 } else { at };
         textures.bind_surface(coarser, COARSER);
@@ -453,7 +466,7 @@ impl TerrainRenderer {
                 signed(own[0]),
                 signed(own[1]),
                 2 * i32::from(level.level),
-                shape.cells(),
+                level.cells,
             );
             gl.uniform_4_f32(
                 Some(&shader.morph),
@@ -468,8 +481,6 @@ impl TerrainRenderer {
             if let Some(location) = &shader.coarser_at {
                 gl.uniform_2_f32(Some(location), beyond(0), beyond(1));
             }
-            gl.uniform_2_f32(Some(&shader.depth), level.depth.0, level.depth.1);
-            gl.depth_range_f32(level.slice.0, level.slice.1);
         }
     }
 }
@@ -483,7 +494,7 @@ const _: () = assert!(
 );
 
 /// How much later than planned a blend begins and ends: so little that nobody sees it, and more than what rounding in f32
-/// can add to zero. It ends a whole post before the window does, where it is therefore still complete.
+/// can add to zero. It ends a whole post before what is drawn does, where it is therefore still complete.
 const BLEND_SLACK: f64 = 1e-5;
 
 /// A size of ours as GL takes it: at most a few thousand.

@@ -22,7 +22,9 @@
 //! others are ignored until it fails or falls silent for the parameter's greatest age.
 //!
 //! The message code counts a sender's messages per identifier, modulo 256. Gaps, repetitions and frozen frames are noted in
-//! [`Flow`](super::Flow). They are notes only: many senders never count.
+//! [`Flow`](super::Flow). They are notes only: many senders never count. But a sender that has counted and whose code then
+//! stands still for longer than the parameter's greatest age is stuck: its values become [`Invalid::Frozen`], and a
+//! redundant node may take over.
 
 use super::{Counters, Decoder, Fault};
 use crate::angle::{wrap_signed, wrap_turn};
@@ -187,6 +189,10 @@ struct Last {
     node: u8,
     code: u8,
     content: [u8; 4],
+    /// Whether the code has ever moved: some senders do not count.
+    counts: bool,
+    /// Since when the code has stood where it is.
+    code_since: Monotonic,
     /// Whether it held a value that could be used; a redundant node may take over when not.
     usable: bool,
 }
@@ -269,9 +275,17 @@ impl CanAerospace {
         };
         let failed = matches!(content, Content::Failed);
         self.note_flow(row, at, [node, code], can, failed);
+        // A number that stands still brings nothing new: what comes under it is as old as its first frame.
+        let mut frozen = false;
+        if let Some(last) = &mut self.heard[row].last {
+            let standing = at.since(last.code_since);
+            frozen = last.counts && standing.is_some_and(|d| d > age_max);
+            last.usable &= !frozen;
+        }
         let value = match content {
             Content::Half => return Taken::Good(None),
             Content::Failed => Err(Invalid::SourceFailed),
+            Content::Number(_) if frozen => Err(Invalid::Frozen),
             Content::Number(x) => Ok(x),
         };
         let taken = self.verdict(at, source, row, value);
@@ -334,7 +348,12 @@ impl CanAerospace {
         if failed {
             flow.failed += 1;
         }
+        let (mut counts, mut code_since) = (false, at);
         if let Some(last) = self.heard[row].last.filter(|last| last.node == node) {
+            counts = last.counts || code != last.code;
+            if code == last.code {
+                code_since = last.code_since;
+            }
             match code.wrapping_sub(last.code) {
                 0 => {
                     flow.repeated += 1;
@@ -351,6 +370,8 @@ impl CanAerospace {
             node,
             code,
             content,
+            counts,
+            code_since,
             usable: !failed,
         });
     }

@@ -5,24 +5,35 @@
 //! (failed before out of range before silent), so that the pilot learns that a sensor has failed rather than that another
 //! was never fitted.
 //!
+//! A good value is no longer one when its sensor has stopped (`frozen`) or other sensors refute it (`crosscheck`). A value
+//! that is not from the most trusted source that has been heard of says so ([`FlightState::fallback`]). What is shown is
+//! compared with the other sources (`compare`), and what follows from it is worked out (`derive`).
+//!
 //! Latitude and longitude always come from the same source: half a position of one receiver and half of another is a
 //! place where nobody is.
 //!
 //! Pure: no clock, no I/O, no allocation after [`Fusion::new`].
 
 use super::FlightState;
+use super::compare::Comparator;
+use super::crosscheck::CrossCheck;
+use super::derive::Deriver;
+use super::frozen::{FLYING_MPS, Stillness};
 use crate::limits::SOURCES_MAX;
 use crate::sampled::{Invalid, Sampled};
 use crate::signal::{Parameter, Signal, SourceId};
 use crate::time::Monotonic;
 use arrayvec::ArrayVec;
 
-/// What every source last said, and the order in which they are believed.
+/// What every source last said, the order in which they are believed, and what is to be thought of it.
 #[derive(Clone, Debug)]
 pub struct Fusion {
-    order: ArrayVec<SourceId, SOURCES_MAX>,
-    said: Vec<[Sampled<f64>; Parameter::COUNT]>,
+    heard: Heard,
     unknown_sources: u64,
+    flying_since: Option<Monotonic>,
+    crosscheck: CrossCheck,
+    comparator: Comparator,
+    deriver: Deriver,
 }
 
 impl Fusion {
@@ -37,22 +48,32 @@ impl Fusion {
             }
         }
         Self {
-            order,
-            said: vec![[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
+            heard: Heard {
+                order,
+                said: vec![[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
+                stillness: vec![Stillness::new(); SOURCES_MAX],
+                contradicted: [false; SOURCES_MAX],
+            },
             unknown_sources: 0,
+            flying_since: None,
+            crosscheck: CrossCheck::new(),
+            comparator: Comparator::default(),
+            deriver: Deriver::new(),
         }
     }
 
     /// Remembers what a source said. A signal older than what the source has already said of the parameter is not news
     /// and is left.
     pub fn apply(&mut self, signal: &Signal) {
-        if !self.order.contains(&signal.source) {
+        if !self.heard.order.contains(&signal.source) {
             self.unknown_sources += 1;
             return;
         }
-        let slot = &mut self.said[usize::from(signal.source.0)][signal.parameter.index()];
+        let source = usize::from(signal.source.0);
+        let slot = &mut self.heard.said[source][signal.parameter.index()];
         if slot.at().is_none_or(|at| signal.at >= at) {
             *slot = Sampled::from_result(signal.value, signal.at);
+            self.heard.stillness[source].see(signal.parameter, signal.value.ok(), signal.at);
         }
     }
 
@@ -62,9 +83,66 @@ impl Fusion {
         self.unknown_sources
     }
 
-    /// The state at `now`.
+    /// The state at `now`; times of successive calls never go back.
     #[must_use]
-    pub fn step(&self, now: Monotonic) -> FlightState {
+    pub fn step(&mut self, now: Monotonic) -> FlightState {
+        self.flying_since = match (self.heard.is_flying(now), self.flying_since) {
+            (false, _) => None,
+            (true, since) => since.or(Some(now)),
+        };
+        for source in &self.heard.order {
+            self.heard.stillness[usize::from(source.0)].judge(self.flying_since, now);
+        }
+        let heard = &mut self.heard;
+        let mut state = heard.selected(now);
+        self.deriver.step(&mut state, now);
+        let miscompares =
+            self.comparator
+                .step(&heard.order, &state, |s, p| heard.read(s, p, now), now);
+        state.set_miscompares(miscompares);
+        // What is refuted now is taken away with the next picture.
+        let said = |s, p| heard.believed(s, p).read(now, p.spec().age_max);
+        self.crosscheck.step(&heard.order, &state, said, now);
+        heard.contradicted = self.crosscheck.contradicted();
+        state
+    }
+}
+
+/// What every source last said, and which of it is not to be believed.
+#[derive(Clone, Debug)]
+struct Heard {
+    order: ArrayVec<SourceId, SOURCES_MAX>,
+    said: Vec<[Sampled<f64>; Parameter::COUNT]>,
+    stillness: Vec<Stillness>,
+    /// Sources whose attitude is refuted.
+    contradicted: [bool; SOURCES_MAX],
+}
+
+impl Heard {
+    /// Whether the aircraft flies: by its ground speed, or without one by its airspeed.
+    fn is_flying(&self, now: Monotonic) -> bool {
+        let fastest = |parameters: &[Parameter]| {
+            let said = self.order.iter().flat_map(|source| {
+                parameters.iter().filter_map(|p| {
+                    let last = self.said[usize::from(source.0)][p.index()];
+                    last.read(now, p.spec().age_max).ok()
+                })
+            });
+            said.reduce(f64::max)
+        };
+        fastest(&[Parameter::GroundSpeed])
+            .or_else(|| {
+                fastest(&[
+                    Parameter::IndicatedAirspeed,
+                    Parameter::CalibratedAirspeed,
+                    Parameter::TrueAirspeed,
+                ])
+            })
+            .is_some_and(|speed| speed >= FLYING_MPS)
+    }
+
+    /// Of every parameter the value that is to be shown.
+    fn selected(&self, now: Monotonic) -> FlightState {
         let mut state = FlightState::empty();
         for &parameter in Parameter::ALL {
             let group: &[Parameter] = match parameter {
@@ -75,14 +153,45 @@ impl Fusion {
             if let Some(source) = self.select(group, now) {
                 for &parameter in group {
                     state.set(parameter, self.last(source, parameter), source);
+                    state.set_fallback(parameter, self.is_fallback(source, parameter));
                 }
             }
         }
         state
     }
 
+    /// Whether a source trusted more than `source` has ever said anything of `parameter`.
+    fn is_fallback(&self, source: SourceId, parameter: Parameter) -> bool {
+        let mut better = self.order.iter().take_while(|other| **other != source);
+        better.any(|better| self.last(*better, parameter).at().is_some())
+    }
+
+    /// What a source last said, or what is wrong with it.
     fn last(&self, source: SourceId, parameter: Parameter) -> Sampled<f64> {
-        self.said[usize::from(source.0)][parameter.index()]
+        let contradicted = self.contradicted[usize::from(source.0)]
+            && matches!(parameter, Parameter::Pitch | Parameter::Roll);
+        let last = self.believed(source, parameter);
+        if contradicted {
+            refuted(last, Invalid::Implausible)
+        } else {
+            last
+        }
+    }
+
+    /// What a source last said, if its sensor has not stopped.
+    fn believed(&self, source: SourceId, parameter: Parameter) -> Sampled<f64> {
+        let source = usize::from(source.0);
+        let last = self.said[source][parameter.index()];
+        if self.stillness[source].is_frozen(parameter) {
+            refuted(last, Invalid::Frozen)
+        } else {
+            last
+        }
+    }
+
+    fn read(&self, source: SourceId, parameter: Parameter, now: Monotonic) -> Result<f64, Invalid> {
+        self.last(source, parameter)
+            .read(now, parameter.spec().age_max)
     }
 
     /// The first source for which the whole group is good, else the one with the most telling reason; `None` when nobody
@@ -92,7 +201,7 @@ impl Fusion {
         for &source in &self.order {
             let rank = group
                 .iter()
-                .map(|&p| tells(self.last(source, p).read(now, p.spec().age_max).err()))
+                .map(|&p| tells(self.read(source, p, now).err()))
                 .min()
                 .unwrap_or(NOTHING);
             if rank == GOOD {
@@ -108,14 +217,24 @@ impl Fusion {
     }
 }
 
+/// The same moment with a fault instead of a value.
+fn refuted(last: Sampled<f64>, reason: Invalid) -> Sampled<f64> {
+    match last.at() {
+        Some(at) if last.is_value() => Sampled::fault(reason, at),
+        _ => last,
+    }
+}
+
 const NOTHING: u8 = 0;
-const GOOD: u8 = 6;
+const GOOD: u8 = 8;
 
 /// How much a reason tells the pilot: a source that knows it is wrong tells more than one that is silent.
 const fn tells(reason: Option<Invalid>) -> u8 {
     match reason {
         None => GOOD,
-        Some(Invalid::Miscompare) => 5,
+        Some(Invalid::Miscompare) => 7,
+        Some(Invalid::Implausible) => 6,
+        Some(Invalid::Frozen) => 5,
         Some(Invalid::SourceFailed) => 4,
         Some(Invalid::OutOfRange) => 3,
         Some(Invalid::Doubtful) => 2,
@@ -152,7 +271,7 @@ mod tests {
 
     /// What is shown of a parameter, and whose it is.
     fn shown(
-        fusion: &Fusion,
+        fusion: &mut Fusion,
         parameter: Parameter,
         t: u64,
     ) -> (Result<f64, Invalid>, Option<SourceId>) {
@@ -164,19 +283,19 @@ mod tests {
     fn attitude_goes_invalid_when_frames_stop_and_comes_back_with_them() {
         let mut f = Fusion::new(&[A]);
         assert_eq!(
-            shown(&f, Parameter::Pitch, 0),
+            shown(&mut f, Parameter::Pitch, 0),
             (Err(Invalid::NeverReceived), None)
         );
         for t in [1000, 1020, 1040] {
             say(&mut f, A, Parameter::Pitch, Ok(0.1), t);
         }
-        assert_eq!(shown(&f, Parameter::Pitch, 1340), (Ok(0.1), Some(A)));
+        assert_eq!(shown(&mut f, Parameter::Pitch, 1340), (Ok(0.1), Some(A)));
         assert_eq!(
-            shown(&f, Parameter::Pitch, 1341),
+            shown(&mut f, Parameter::Pitch, 1341),
             (Err(Invalid::Stale), Some(A))
         );
         say(&mut f, A, Parameter::Pitch, Ok(0.2), 5000);
-        assert_eq!(shown(&f, Parameter::Pitch, 5000), (Ok(0.2), Some(A)));
+        assert_eq!(shown(&mut f, Parameter::Pitch, 5000), (Ok(0.2), Some(A)));
     }
 
     #[test]
@@ -185,17 +304,17 @@ mod tests {
         say(&mut f, A, Parameter::Roll, Ok(0.1), 1000);
         say(&mut f, A, Parameter::Roll, Err(Invalid::SourceFailed), 1020);
         assert_eq!(
-            shown(&f, Parameter::Roll, 1021),
+            shown(&mut f, Parameter::Roll, 1021),
             (Err(Invalid::SourceFailed), Some(A)),
             "the last good value is gone"
         );
         assert_eq!(
-            shown(&f, Parameter::Roll, 1400).0,
+            shown(&mut f, Parameter::Roll, 1400).0,
             Err(Invalid::Stale),
             "then silence"
         );
         say(&mut f, A, Parameter::Roll, Ok(0.3), 1500);
-        assert_eq!(shown(&f, Parameter::Roll, 1500).0, Ok(0.3));
+        assert_eq!(shown(&mut f, Parameter::Roll, 1500).0, Ok(0.3));
     }
 
     #[test]
@@ -203,30 +322,30 @@ mod tests {
         let mut f = Fusion::new(&[B, A]);
         say(&mut f, A, Parameter::Pitch, Ok(0.1), 1000);
         assert_eq!(
-            shown(&f, Parameter::Pitch, 1000),
+            shown(&mut f, Parameter::Pitch, 1000),
             (Ok(0.1), Some(A)),
             "the only one"
         );
         say(&mut f, B, Parameter::Pitch, Ok(0.2), 1010);
         assert_eq!(
-            shown(&f, Parameter::Pitch, 1010),
+            shown(&mut f, Parameter::Pitch, 1010),
             (Ok(0.2), Some(B)),
             "trusted more"
         );
         say(&mut f, B, Parameter::Pitch, Err(Invalid::OutOfRange), 1020);
         assert_eq!(
-            shown(&f, Parameter::Pitch, 1020),
+            shown(&mut f, Parameter::Pitch, 1020),
             (Ok(0.1), Some(A)),
             "fail-over"
         );
         say(&mut f, B, Parameter::Pitch, Ok(0.3), 1030);
         assert_eq!(
-            shown(&f, Parameter::Pitch, 1030),
+            shown(&mut f, Parameter::Pitch, 1030),
             (Ok(0.3), Some(B)),
             "back again"
         );
         assert_eq!(
-            shown(&f, Parameter::Pitch, 1331).0,
+            shown(&mut f, Parameter::Pitch, 1331).0,
             Err(Invalid::Stale),
             "both silent"
         );
@@ -244,11 +363,11 @@ mod tests {
             1000,
         );
         assert_eq!(
-            shown(&f, Parameter::Pitch, 1000),
+            shown(&mut f, Parameter::Pitch, 1000),
             (Err(Invalid::SourceFailed), Some(B))
         );
         assert_eq!(
-            shown(&f, Parameter::Pitch, 2000),
+            shown(&mut f, Parameter::Pitch, 2000),
             (Err(Invalid::Stale), Some(A)),
             "equals: the trusted"
         );
@@ -261,11 +380,11 @@ mod tests {
         say(&mut f, B, Parameter::Latitude, Ok(0.6), 1000);
         say(&mut f, B, Parameter::Longitude, Ok(0.7), 1000);
         for (p, x) in [(Parameter::Latitude, 0.6), (Parameter::Longitude, 0.7)] {
-            assert_eq!(shown(&f, p, 1000), (Ok(x), Some(B)), "A has only half");
+            assert_eq!(shown(&mut f, p, 1000), (Ok(x), Some(B)), "A has only half");
         }
         say(&mut f, A, Parameter::Longitude, Ok(0.8), 1010);
         for (p, x) in [(Parameter::Latitude, 0.5), (Parameter::Longitude, 0.8)] {
-            assert_eq!(shown(&f, p, 1010), (Ok(x), Some(A)), "A has both");
+            assert_eq!(shown(&mut f, p, 1010), (Ok(x), Some(A)), "A has both");
         }
         say(
             &mut f,
@@ -275,7 +394,7 @@ mod tests {
             1020,
         );
         for (p, x) in [(Parameter::Latitude, 0.6), (Parameter::Longitude, 0.7)] {
-            assert_eq!(shown(&f, p, 1020), (Ok(x), Some(B)), "A has lost half");
+            assert_eq!(shown(&mut f, p, 1020), (Ok(x), Some(B)), "A has lost half");
         }
         // With neither whole, both halves still name the same source.
         let state = f.step(ms(2005));
@@ -292,7 +411,7 @@ mod tests {
         say(&mut f, A, Parameter::Pitch, Ok(0.9), 999);
         say(&mut f, B, Parameter::Pitch, Ok(0.9), 1001);
         say(&mut f, SourceId(200), Parameter::Pitch, Ok(0.9), 1001);
-        assert_eq!(shown(&f, Parameter::Pitch, 1001), (Ok(0.1), Some(A)));
+        assert_eq!(shown(&mut f, Parameter::Pitch, 1001), (Ok(0.1), Some(A)));
         assert_eq!(f.unknown_sources(), 2);
     }
 
@@ -301,6 +420,6 @@ mod tests {
         let mut f = Fusion::new(&[A, B]);
         say(&mut f, A, Parameter::Pitch, Ok(0.1), 2000);
         say(&mut f, B, Parameter::Pitch, Ok(0.2), 1000);
-        assert_eq!(shown(&f, Parameter::Pitch, 1000), (Ok(0.2), Some(B)));
+        assert_eq!(shown(&mut f, Parameter::Pitch, 1000), (Ok(0.2), Some(B)));
     }
 }

@@ -1,7 +1,16 @@
 //! Fused, validated flight state. Pure: signals and `now` in, a snapshot out.
 
+pub mod attitude;
+pub mod compare;
+pub mod crosscheck;
+pub mod derive;
+pub mod frozen;
 pub mod fusion;
+mod latch;
+pub mod magnetic;
 pub mod snapshot;
+mod trail;
+mod wmm2025;
 
 pub use fusion::Fusion;
-pub use snapshot::FlightState;
+pub use snapshot::{Compared, FlightState, Missing};

@@ -6,11 +6,53 @@ use crate::time::Monotonic;
 use crate::units::{Metres, MetresPerSecond, Radians};
 use std::time::Duration;
 
+/// A quantity of which what is shown is compared with what other sources say. The limits stand in `state::compare`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Compared {
+    /// Pitch.
+    Pitch,
+    /// Roll.
+    Roll,
+    /// Heading, true or magnetic.
+    Heading,
+    /// Barometric altitude.
+    Altitude,
+    /// Indicated or calibrated airspeed.
+    Airspeed,
+}
+
+impl Compared {
+    /// All of them, in the order of their discriminants.
+    pub const ALL: [Self; 5] = [
+        Self::Pitch,
+        Self::Roll,
+        Self::Heading,
+        Self::Altitude,
+        Self::Airspeed,
+    ];
+
+    /// How many there are.
+    pub const COUNT: usize = Self::ALL.len();
+}
+
+/// Why a value cannot be worked out: the first of its inputs that is not to be had.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Missing {
+    /// Which input.
+    pub input: Parameter,
+    /// Why it is not to be had. [`Invalid::NeverReceived`] too where there have not been enough of it yet, and
+    /// [`Invalid::OutOfRange`] where it is there, but the formula has no answer for it.
+    pub reason: Invalid,
+}
+
 /// Everything known of the flight at one moment. `Copy`, so that it crosses threads whole.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightState {
     values: [Sampled<f64>; Parameter::COUNT],
     sources: [Option<SourceId>; Parameter::COUNT],
+    fallbacks: [bool; Parameter::COUNT],
+    miscompares: [bool; Compared::COUNT],
+    missing: [Option<Missing>; Parameter::COUNT],
 }
 
 impl FlightState {
@@ -20,6 +62,9 @@ impl FlightState {
         Self {
             values: [Sampled::never(); Parameter::COUNT],
             sources: [None; Parameter::COUNT],
+            fallbacks: [false; Parameter::COUNT],
+            miscompares: [false; Compared::COUNT],
+            missing: [None; Parameter::COUNT],
         }
     }
 
@@ -27,6 +72,60 @@ impl FlightState {
     pub fn set(&mut self, parameter: Parameter, sample: Sampled<f64>, source: SourceId) {
         self.values[parameter.index()] = sample;
         self.sources[parameter.index()] = Some(source);
+    }
+
+    /// Changes the value of `parameter`, not where it comes from.
+    pub(super) fn change(&mut self, parameter: Parameter, sample: Sampled<f64>) {
+        self.values[parameter.index()] = sample;
+    }
+
+    /// Takes `sample`, worked out from other parameters, as the value of `parameter`: it has no source of its own.
+    pub fn set_derived(&mut self, parameter: Parameter, sample: Sampled<f64>) {
+        self.values[parameter.index()] = sample;
+        self.sources[parameter.index()] = None;
+        self.fallbacks[parameter.index()] = false;
+        self.missing[parameter.index()] = None;
+    }
+
+    /// Says what is missing to work `parameter` out.
+    pub fn set_missing(&mut self, parameter: Parameter, missing: Missing) {
+        self.missing[parameter.index()] = Some(missing);
+    }
+
+    /// Whether `parameter` was worked out from others, rather than received.
+    #[must_use]
+    pub fn is_derived(&self, parameter: Parameter) -> bool {
+        self.source(parameter).is_none() && self.at(parameter).is_some()
+    }
+
+    /// What would have to be there for `parameter` to be worked out, where it is neither received nor worked out.
+    #[must_use]
+    pub const fn missing(&self, parameter: Parameter) -> Option<Missing> {
+        self.missing[parameter.index()]
+    }
+
+    /// Says whether `parameter` is taken from a source less trusted than another that has been heard of.
+    pub fn set_fallback(&mut self, parameter: Parameter, fallback: bool) {
+        self.fallbacks[parameter.index()] = fallback;
+    }
+
+    /// Says which quantities disagree, in the order of [`Compared::ALL`].
+    pub fn set_miscompares(&mut self, miscompares: [bool; Compared::COUNT]) {
+        self.miscompares = miscompares;
+    }
+
+    /// Whether another source contradicts what is shown of `compared`.
+    #[must_use]
+    pub const fn miscompares(&self, compared: Compared) -> bool {
+        self.miscompares[compared as usize]
+    }
+
+    /// The source of `parameter`, if it is shown at `now` and taken from that source because a more trusted one, which has
+    /// been heard of, has nothing good to say.
+    #[must_use]
+    pub fn fallback(&self, parameter: Parameter, now: Monotonic) -> Option<SourceId> {
+        let shown = self.fallbacks[parameter.index()] && self.read(parameter, now).is_ok();
+        self.source(parameter).filter(|_| shown)
     }
 
     /// The value of `parameter` in its table unit, if it may be shown at `now` under its own greatest age.

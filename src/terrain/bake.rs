@@ -137,7 +137,8 @@ struct Input {
     rect: PostRect,
 }
 
-/// Bakes. `progress` is called with the cells done and their number; then the same for the tiles of each cap.
+/// Bakes. `progress` is called with the cells done and their number; then the same for the tiles of each further step: the
+/// coarse levels, their errors, each cap and its levels.
 ///
 /// # Errors
 /// See [`BakeError`]; whatever happens, `out` is either the old file or a whole pack.
@@ -180,18 +181,21 @@ pub fn bake(job: &Job<'_>, progress: &mut dyn FnMut(usize, usize)) -> Result<Rep
         levels.flush((latitude + 1) * posts, east).map_err(failed)?;
     }
     progress(cells.len(), cells.len());
+    let sources: Vec<SourceInfo> = inputs.iter().map(Input::source).collect();
+    let mut proceed = |done, all| {
+        progress(done, all);
+        !job.stop.load(Ordering::Relaxed)
+    };
+    let failed = |e| match job.stop.load(Ordering::Relaxed) {
+        true => BakeError::Stopped,
+        false => failed(e),
+    };
     for cap in caps(grid, &rects) {
-        let mut proceed = |done, all| {
-            progress(done, all);
-            !job.stop.load(Ordering::Relaxed)
-        };
         bake_cap::add(&mut levels, (grid, scale), cap, job.jobs, &mut proceed).map_err(failed)?;
     }
-    if job.stop.load(Ordering::Relaxed) {
-        return Err(BakeError::Stopped);
-    }
-    let sources: Vec<SourceInfo> = inputs.iter().map(Input::source).collect();
-    let info = levels.finish(&geoid, &sources).map_err(failed)?;
+    let info = levels
+        .finish(&geoid, &sources, &mut proceed)
+        .map_err(failed)?;
     let seams = found.iter().map(|d| seam(grid, &inputs, d)).collect();
     Ok(Report { info, seams })
 }

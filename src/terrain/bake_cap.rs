@@ -3,18 +3,19 @@
 //! A cap post has the height of the geographic level-0 surface at its place: bilinear in latitude and longitude between
 //! the four finished posts around it, filled ones too. It is void if one of them is, and water if the one with the most
 //! weight is. So the two partitions are one surface, each sampled in its own posts. Columns of the geographic grid are closer
-//! together here than posts of a cap, so a cap passes some of its posts by, a summit perhaps; therefore every geographic post
-//! is compared with the cap's bilinear surface, and the largest difference, with the error of the geographic posts added, is
-//! what a finest cap tile states as its error.
+//! together here than posts of a cap, so a cap passes some of its posts by, a summit perhaps: like a coarse level's, its
+//! finest posts are raised where a summit needs it ([`crate::terrain::bake_raise`]), and how far it is from the geographic
+//! posts is measured and stated ([`crate::terrain::bake_measure`]).
 //!
 //! The tiles written so far are read back. A cap tile asks for each of its posts' neighbours, sorts them by the tile they
-//! are in and reads each tile once, and once more to compare: at the pole, where a row of cap posts crosses all longitudes,
-//! as cheaply as elsewhere. Every geographic tile is unpacked several times.
+//! are in and reads each tile once: at the pole, where a row of cap posts crosses all longitudes, as cheaply as elsewhere.
+//! Every geographic tile is unpacked several times.
 //!
 //! Memory: the index of the tiles read, a few blocks, and the tiles of coarse levels that are open along a row of cap
 //! tiles: at most 24 MB for 3", 72 MB for 1".
 
-use crate::terrain::bake_levels::{Block, Levels, Post};
+use crate::terrain::bake_levels::{Block, Levels, Post, go_on};
+use crate::terrain::bake_threads::{TURN, share};
 use crate::terrain::codec::{SurfaceKind, Tile};
 use crate::terrain::grid::{Grid, TILE_AREA, TILE_SIDE, TileKey};
 use crate::terrain::height::split;
@@ -23,16 +24,6 @@ use crate::terrain::partition::{CAP_LATITUDE_MIN_DEG, Partition};
 use crate::terrain::store::Scale;
 use std::collections::BTreeSet;
 use std::io;
-
-/// Tiles that all threads make together before they are written; their number has no part in it, so that the file does not
-/// depend on it.
-const TILES_PER_TURN: usize = 32;
-
-/// Posts around a tile that are made with it: the surface goes on to the next tile's first posts, and a geographic tile with
-/// a corner in the surface has a part in one of the posts two steps around it.
-const MARGIN: i32 = 2;
-/// Posts of a tile and its margins, along a side.
-const WIDTH: usize = offset(TILE_SIDE + 2 * MARGIN);
 
 /// Every so many posts of a geographic tile is asked which cap tile it is in; its neighbours up to the next are less than
 /// [`REACH`] cap posts away, though cap columns lie closer together by 1 / cos 26 deg at the edge.
@@ -43,7 +34,7 @@ const REACH: i32 = 48;
 /// with the tiles done and their number, and says whether to go on.
 ///
 /// # Errors
-/// If writing, or reading back, fails.
+/// If writing, or reading back, fails, or `proceed` said no.
 pub(crate) fn add(
     levels: &mut Levels,
     (grid, scale): (Grid, Scale),
@@ -55,31 +46,24 @@ pub(crate) fn add(
         grid,
         scale,
         cap,
-        tiles: levels.turn_to(cap, row_min(grid))?,
+        tiles: levels.turn_to(cap, proceed)?,
     };
     let keys = source.keys();
     let mut hands: Vec<Hand> = std::iter::repeat_with(Hand::new)
         .take(jobs.max(1))
         .collect();
-    for (number, keys_now) in keys.chunks(TILES_PER_TURN).enumerate() {
-        if !proceed(number * TILES_PER_TURN, keys.len()) {
-            return Ok(());
-        }
+    for (number, keys_now) in keys.chunks(TURN).enumerate() {
+        go_on(proceed(number * TURN, keys.len()))?;
         for block in source.blocks(keys_now, &mut hands)? {
             levels.scatter(&block);
         }
-        if let Some(next) = keys.get((number + 1) * TILES_PER_TURN) {
+        if let Some(next) = keys.get((number + 1) * TURN) {
             levels.flush(next.south(), None)?;
             levels.flush(next.south() + TILE_SIDE, Some(next.west()))?;
         }
     }
     proceed(keys.len(), keys.len());
     Ok(())
-}
-
-/// The level-0 row at which caps begin, counted from the equator.
-fn row_min(grid: Grid) -> i32 {
-    split(grid, CAP_LATITUDE_MIN_DEG).0
 }
 
 /// The geographic posts that a cap is made from.
@@ -95,7 +79,7 @@ struct Hand {
     reader: TileReader,
     tile: Tile,
     shares: Vec<Share>,
-    /// Posts of a tile and its margins, row by row from the south-west.
+    /// Posts of a tile, row by row from the south-west.
     made: Vec<Option<Made>>,
 }
 
@@ -104,8 +88,8 @@ impl Hand {
         Self {
             reader: TileReader::new(),
             tile: Tile::filled(0, SurfaceKind::Void),
-            shares: Vec::with_capacity(4 * WIDTH * WIDTH),
-            made: Vec::with_capacity(WIDTH * WIDTH),
+            shares: Vec::with_capacity(4 * TILE_AREA),
+            made: Vec::with_capacity(TILE_AREA),
         }
     }
 }
@@ -125,8 +109,7 @@ struct Share {
 #[derive(Clone, Copy)]
 struct Made {
     height_m: f64,
-    /// What the tiles it rests on state; once it is whole, how far the surface north and east of it, to the next posts, is
-    /// from geographic posts there.
+    /// What the tiles it rests on state.
     error_m: f32,
     /// Whether a tile has a part in it.
     covered: bool,
@@ -165,67 +148,30 @@ impl Source {
 
     /// The blocks of some tiles, in their order; none for a tile that nothing covers.
     fn blocks(&self, keys: &[TileKey], hands: &mut [Hand]) -> io::Result<Vec<Block>> {
-        let share = keys.len().div_ceil(hands.len()).max(1);
-        let mut blocks: Vec<Option<io::Result<Option<Block>>>> = Vec::new();
-        blocks.resize_with(keys.len(), || None);
-        let make = |hand: &mut Hand, to: &mut [Option<_>], keys: &[TileKey]| {
-            for (to, key) in to.iter_mut().zip(keys) {
-                *to = Some(self.block(*key, hand));
-            }
-        };
-        std::thread::scope(|scope| {
-            let shares = blocks.chunks_mut(share).zip(keys.chunks(share));
-            let mut shares = hands.iter_mut().zip(shares);
-            let own = shares.next();
-            for (hand, (to, keys)) in shares {
-                let builder = std::thread::Builder::new().name("cap".into());
-                // Tiles of a thread that cannot start are made below.
-                let _ = builder.spawn_scoped(scope, move || make(hand, to, keys));
-            }
-            if let Some((hand, (to, keys))) = own {
-                make(hand, to, keys);
-            }
-        });
-        let mut whole = Vec::with_capacity(keys.len());
-        for (block, key) in blocks.into_iter().zip(keys) {
-            whole.extend(block.unwrap_or_else(|| self.block(*key, &mut Hand::new()))?);
-        }
-        Ok(whole)
+        let blocks = share(hands, keys, |hand, key| self.block(*key, hand));
+        blocks.into_iter().filter_map(Result::transpose).collect()
     }
 
     /// The posts of a level-0 tile of the cap; `None` if no geographic tile has a part in them.
     fn block(&self, key: TileKey, hand: &mut Hand) -> io::Result<Option<Block>> {
-        let corner = (key.west() - MARGIN, key.south() - MARGIN);
-        self.share_out(corner, &mut hand.shares);
+        self.share_out((key.west(), key.south()), &mut hand.shares);
         // By tile; and in one order whoever asks, so that sums come out the same to the last bit.
         hand.shares.sort_unstable_by_key(|s| (s.key, s.post, s.at));
         hand.made.clear();
-        hand.made.resize(WIDTH * WIDTH, None);
+        hand.made.resize(TILE_AREA, None);
         for shares in hand.shares.chunk_by(|a, b| a.key == b.key) {
             let error_m = self.read(shares[0].key, &mut hand.reader, &mut hand.tile)?;
             self.take(shares, error_m.map(|e| (e, &hand.tile)), &mut hand.made);
         }
-        let side = offset(TILE_SIDE);
-        let own = |at: usize| (at / side + offset(MARGIN)) * WIDTH + at % side + offset(MARGIN);
-        let covered = |at: usize| hand.made[own(at)].is_some_and(|m| m.covered);
-        if !(0..TILE_AREA).any(covered) {
+        if !hand.made.iter().flatten().any(|m| m.covered) {
             return Ok(None);
         }
-        for made in hand.made.iter_mut().flatten() {
-            made.round(self.scale);
-        }
-        for shares in hand.shares.chunk_by(|a, b| a.key == b.key) {
-            let at = shares[0].key;
-            if let Some(error_m) = self.read(at, &mut hand.reader, &mut hand.tile)? {
-                self.compare(at, (&hand.tile, error_m), corner, &mut hand.made);
-            }
-        }
-        let post = |at: usize| Some(self.post(hand.made[own(at)].as_ref().filter(|m| m.covered)?));
+        let covered = |m: &Option<Made>| Some(self.post(m.as_ref().filter(|m| m.covered)?));
         Ok(Some(Block {
             south: key.south(),
             west: key.west(),
-            columns: side,
-            posts: (0..TILE_AREA).map(post).collect(),
+            columns: offset(TILE_SIDE),
+            posts: hand.made.iter().map(covered).collect(),
         }))
     }
 
@@ -244,11 +190,12 @@ impl Source {
         }
     }
 
-    /// Which geographic posts the posts of a tile and its margins are made of.
+    /// Which geographic posts the posts of a tile are made of.
     fn share_out(&self, (west, south): (i32, i32), shares: &mut Vec<Share>) {
         shares.clear();
-        for (y, j) in (0..WIDTH).zip(south..) {
-            for (x, i) in (0..WIDTH).zip(west..) {
+        let side = offset(TILE_SIDE);
+        for (y, j) in (0..side).zip(south..) {
+            for (x, i) in (0..side).zip(west..) {
                 let (longitude_deg, latitude_deg) = self
                     .cap
                     .to_geodetic(self.grid.longitude_deg(0, i), self.grid.latitude_deg(0, j));
@@ -266,7 +213,7 @@ impl Source {
                                 key: TileKey::of_post(Partition::Geographic, 0, i, j),
                                 at: TileKey::index_of(i, j),
                                 weight,
-                                post: y * WIDTH + x,
+                                post: y * side + x,
                             });
                         }
                     }
@@ -304,109 +251,27 @@ impl Source {
         }
     }
 
-    /// Compares the posts of a geographic tile that lie in the surface from the tile's south-west post to its neighbours'
-    /// with the surface. Voids, and ground beside a void, are not compared: they are not drawn as ground.
-    fn compare(
-        &self,
-        key: TileKey,
-        (tile, error_m): (&Tile, f32),
-        (west, south): (i32, i32),
-        made: &mut [Option<Made>],
-    ) {
-        let angle = |post: i32| self.grid.longitude_deg(0, post).to_radians();
-        let first = |corner: i32| angle(corner + MARGIN);
-        let last = |corner: i32| angle(corner + MARGIN + TILE_SIDE);
-        let (tan_west, tan_east) = (first(west).tan(), last(west).tan());
-        let (sin_south, sin_north) = (first(south).sin(), last(south).sin());
-        let sign = if self.cap == Partition::South {
-            -1.0
-        } else {
-            1.0
-        };
-        let columns = key.west()..key.west() + TILE_SIDE;
-        let turns: Vec<(i32, (f64, f64))> = columns.map(|i| (i, angle(i).sin_cos())).collect();
-        for row in key.south()..key.south() + TILE_SIDE {
-            let (sin_b, cos_b) = angle(row).sin_cos();
-            for (column, (sin_l, cos_l)) in &turns {
-                let at = TileKey::index_of(*column, row);
-                if tile.kind[at] == SurfaceKind::Void {
-                    continue;
-                }
-                // Without an inverse function for the many that are elsewhere; see Partition::normal.
-                let (x, y, z) = (cos_b * cos_l, sign * cos_b * sin_l, sign * sin_b);
-                let inside =
-                    y >= sin_south && y < sin_north && x >= tan_west * z && x < tan_east * z;
-                if !inside {
-                    continue;
-                }
-                let posts =
-                    |radians: f64| radians.to_degrees() * f64::from(self.grid.posts_per_degree);
-                let place = (
-                    posts(x.atan2(z)) - f64::from(west),
-                    posts(y.atan2(x.hypot(z))) - f64::from(south),
-                );
-                let height_m = self.scale.height_m(tile.quanta[at]);
-                if let Some((surface_m, cell)) = surface(made, place)
-                    && let Some(made) = &mut made[cell]
-                {
-                    #[expect(
-                        clippy::cast_possible_truncation,
-                        reason = "a difference of heights on Earth"
-                    )]
-                    let difference_m = (surface_m - height_m).abs() as f32;
-                    made.error_m = made.error_m.max(difference_m + error_m);
-                }
-            }
-        }
-    }
-
     fn post(&self, made: &Made) -> Post {
+        let quanta = self.scale.quanta(made.height_m);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "an error is a fraction of a metre"
+        )]
+        let rounding_m = (self.scale.height_m(quanta) - made.height_m).abs() as f32;
         Post {
-            quanta: self.scale.quanta(made.height_m),
+            quanta,
             kind: if made.void {
                 SurfaceKind::Void
             } else {
                 made.most.1
             },
-            error_m: if made.void { 0.0 } else { made.error_m },
+            error_m: if made.void {
+                0.0
+            } else {
+                made.error_m + rounding_m
+            },
         }
     }
-}
-
-impl Made {
-    /// From what its shares add up to, to what is stored.
-    fn round(&mut self, scale: Scale) {
-        let stored_m = scale.height_m(scale.quanta(self.height_m));
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "an error is a fraction of a metre"
-        )]
-        {
-            self.error_m += (stored_m - self.height_m).abs() as f32;
-        }
-        self.height_m = stored_m;
-    }
-}
-
-/// The bilinear surface at a place among the posts made, and the post south-west of it; `None` where one of the four posts
-/// around it is void or not there.
-fn surface(made: &[Option<Made>], (x, y): (f64, f64)) -> Option<(f64, usize)> {
-    let cell = |x: f64| {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to what was made"
-        )]
-        let floor = x.floor().max(0.0) as usize;
-        floor.min(WIDTH - 2)
-    };
-    let (column, row) = (cell(x), cell(y));
-    let at = row * WIDTH + column;
-    let height_m = |at: usize| made[at].as_ref().filter(|m| !m.void).map(|m| m.height_m);
-    let along = |at: usize, x: f64| Some(height_m(at)? * (1.0 - x) + height_m(at + 1)? * x);
-    #[expect(clippy::cast_precision_loss, reason = "at most 131")]
-    let (x, y) = (x - column as f64, y - row as f64);
-    Some((along(at, x)? * (1.0 - y) + along(at + WIDTH, x)? * y, at))
 }
 
 /// A count that is known not to be negative.

@@ -1,18 +1,29 @@
 //! From finished level-0 posts to tiles of every level: posts are scattered to the tiles of all levels that sample them,
-//! and a tile is encoded and written as soon as nothing more can reach it.
+//! and a tile is encoded as soon as nothing more can reach it. The finest geographic tiles go straight to the pack, the
+//! others to a file of their own, until the partition is whole: then they are read again, raised where a summit needs it
+//! ([`crate::terrain::bake_raise`]) and written, and the levels are compared with the data
+//! ([`crate::terrain::bake_measure`]).
 //!
 //! Memory: the tiles that posts to come may still touch. Within a row of degree cells these are the tiles that straddle
-//! its northern edge and the coarse ones, about 1.2 MB for each degree of longitude at 3".
+//! its northern edge and the coarse ones, about 1.2 MB for each degree of longitude at 3"; then the index of the tiles
+//! read, some 100 tiles for each thread, and an error for each tile. On the disk, until the end, a sixth more than the pack
+//! and 10 bytes for each summit.
 
+use crate::terrain::bake_measure::{Found, Meter, Sums};
+use crate::terrain::bake_posts::Posts;
+use crate::terrain::bake_raise::{Raiser, candidates};
+use crate::terrain::bake_summits::Summits;
+use crate::terrain::bake_threads::{TURN, share};
 use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TILE_SIDE, TileKey};
-use crate::terrain::pack::{PackInfo, PostRect, SourceInfo, Tiles};
-use crate::terrain::partition::Partition;
+use crate::terrain::height::split;
+use crate::terrain::pack::{LevelError, PackInfo, PostRect, SourceInfo, Tiles};
+use crate::terrain::partition::{CAP_LATITUDE_MIN_DEG, Partition};
 use crate::terrain::store::{EncodedTile, PackWriter, Scale, Statistics};
 use std::collections::BTreeMap;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Finished posts of a rectangle; in the geographic partition its columns are canonical.
 #[derive(Debug)]
@@ -61,9 +72,15 @@ pub struct Levels {
     grid: Grid,
     scale: Scale,
     partition: Partition,
+    target: PathBuf,
     writer: PackWriter,
+    /// What is not final yet: never finished, hence removed in the end.
+    sampled: PackWriter,
+    /// The geographic summits, once they are known.
+    summits: Option<Summits>,
     open: BTreeMap<TileKey, OpenTile>,
     encoders: Vec<Encoder>,
+    quick: Vec<Encoder>,
     statistics: Statistics,
 }
 
@@ -86,29 +103,170 @@ impl Levels {
             grid,
             scale,
             partition: Partition::Geographic,
+            target: target.to_owned(),
             writer: PackWriter::create(target, grid, scale)?,
+            sampled: PackWriter::beside(target, "sampled", grid, scale)?,
+            summits: None,
             open: BTreeMap::new(),
             encoders: (0..jobs.max(1)).map(|_| Encoder::new()).collect(),
+            quick: (0..jobs.max(1)).map(|_| Encoder::quick()).collect(),
             statistics: Statistics::default(),
         })
     }
 
-    /// Writes what is left of the partition and goes on to another. Gives the level-0 tiles of the geographic one that
-    /// reach at least `row_min` rows from the equator, on the side of the cap.
+    /// Completes the partition and goes on to another. Gives the level-0 tiles of the geographic one that reach as far as
+    /// the cap does. `proceed` is called with the tiles done and their number, and says whether to go on.
     ///
     /// # Errors
-    /// If writing fails.
-    pub(crate) fn turn_to(&mut self, cap: Partition, row_min: i32) -> io::Result<Tiles> {
+    /// If writing, or reading back, fails.
+    pub(crate) fn turn_to(
+        &mut self,
+        cap: Partition,
+        proceed: &mut dyn FnMut(usize, usize) -> bool,
+    ) -> io::Result<Tiles> {
+        self.complete(proceed)?;
+        self.partition = cap;
+        self.data()
+    }
+
+    /// The finished data of the partition: the geographic level-0 tiles that it reaches.
+    fn data(&mut self) -> io::Result<Tiles> {
+        let row_min = split(self.grid, CAP_LATITUDE_MIN_DEG).0;
+        let partition = self.partition;
+        self.writer.written(|key| {
+            let reaches = match partition {
+                Partition::Geographic => true,
+                Partition::North => key.south() + TILE_SIDE > row_min,
+                Partition::South => -key.south() >= row_min,
+            };
+            key.partition == Partition::Geographic && key.level == 0 && reaches
+        })
+    }
+
+    /// The partition's first level that is not the data itself.
+    const fn first_made(&self) -> u8 {
+        match self.partition {
+            Partition::Geographic => 1,
+            Partition::North | Partition::South => 0,
+        }
+    }
+
+    /// Writes what is left of the partition: its last tiles; then the levels that were only sampled until now, with the
+    /// summits they have to keep; then how far they are from the data.
+    fn complete(&mut self, proceed: &mut dyn FnMut(usize, usize) -> bool) -> io::Result<()> {
         let rest: Vec<(TileKey, OpenTile)> = std::mem::take(&mut self.open).into_iter().collect();
         self.write(&rest)?;
-        self.partition = cap;
-        self.writer.written(|key| {
-            let beyond = match cap {
-                Partition::South => -key.south(),
-                Partition::North | Partition::Geographic => key.south() + TILE_SIDE - 1,
-            };
-            key.partition == Partition::Geographic && key.level == 0 && beyond >= row_min
-        })
+        let data = self.data()?;
+        let geographic = match self.summits.take() {
+            Some(summits) => summits,
+            None => Summits::find(&self.target, &data, (self.grid, self.sea()), self.jobs())?,
+        };
+        if self.partition == Partition::Geographic {
+            self.raise(&geographic, proceed)?;
+        } else {
+            let turned = geographic.turned(&self.target, self.grid, self.partition)?;
+            self.raise(&turned, proceed)?;
+        }
+        self.measure(&data, &geographic, proceed)?;
+        self.summits = Some(geographic);
+        Ok(())
+    }
+
+    fn jobs(&self) -> usize {
+        self.encoders.len()
+    }
+
+    /// Quanta of sea level: where no source says anything the geometry has to go on somewhere.
+    fn sea(&self) -> u16 {
+        self.scale.quanta(0.0)
+    }
+
+    fn raise(
+        &mut self,
+        summits: &Summits,
+        proceed: &mut dyn FnMut(usize, usize) -> bool,
+    ) -> io::Result<()> {
+        let partition = self.partition;
+        let sampled = self.sampled.written(|key| key.partition == partition)?;
+        let (frame, sea) = ((self.grid, self.scale), self.sea());
+        let raiser = || Raiser::new(Posts::new(&sampled, frame.0, sea), summits, frame);
+        let mut raisers: Vec<(Raiser<'_>, Encoder)> = std::mem::take(&mut self.encoders)
+            .into_iter()
+            .map(|encoder| (raiser(), encoder))
+            .collect();
+        let (mut done, all) = (0, sampled.entries().len());
+        for level in self.first_made()..self.grid.level_count() {
+            let keys = sampled.entries().iter().map(|e| e.key);
+            let keys = candidates((self.grid, level), keys, summits);
+            for keys in keys.chunks(TURN) {
+                go_on(proceed(done.min(all), all))?;
+                let tiles = share(&mut raisers, keys, |(raiser, encoder), key| {
+                    let entry = sampled.entry(*key);
+                    let error_m = entry.map_or(0.0, |e| e.max_error_m);
+                    let tile = raiser.tile(*key, entry.is_some())?;
+                    Ok(tile.map(|tile| EncodedTile::new(encoder, *key, &tile, error_m)))
+                });
+                for tile in tiles {
+                    let tile: io::Result<Option<EncodedTile>> = tile;
+                    if let Some(tile) = tile? {
+                        self.writer.add(&tile)?;
+                    }
+                }
+                done += keys.len();
+            }
+        }
+        self.encoders = raisers.into_iter().map(|(_, encoder)| encoder).collect();
+        Ok(())
+    }
+
+    fn measure(
+        &mut self,
+        data: &Tiles,
+        summits: &Summits,
+        proceed: &mut dyn FnMut(usize, usize) -> bool,
+    ) -> io::Result<()> {
+        let (partition, first) = (self.partition, self.first_made());
+        let made = self
+            .writer
+            .written(|key| key.partition == partition && key.level >= first)?;
+        let (grid, scale, sea) = (self.grid, self.scale, self.sea());
+        let meter = || Meter {
+            base: Posts::new(data, grid, sea),
+            levels: Posts::new(&made, grid, sea),
+            summits,
+            grid,
+            scale,
+            of: (partition, first),
+        };
+        let mut meters: Vec<Meter<'_>> = std::iter::repeat_with(meter)
+            .take(self.encoders.len())
+            .collect();
+        let mut levels = vec![Sums::default(); usize::from(grid.level_count() - first)];
+        let mut tiles: BTreeMap<TileKey, f32> = BTreeMap::new();
+        for (turn, entries) in data.entries().chunks(TURN).enumerate() {
+            go_on(proceed(turn * TURN, data.entries().len()))?;
+            let found = share(&mut meters, entries, |meter, entry| {
+                meter.tile(entry.key, entry.max_error_m)
+            });
+            for found in found {
+                let found: Found = found?;
+                for (all, own) in levels.iter_mut().zip(&found.levels) {
+                    all.join(own);
+                }
+                for (key, error_m) in found.tiles {
+                    let stated = tiles.entry(key).or_insert(0.0);
+                    *stated = stated.max(error_m);
+                }
+            }
+        }
+        self.writer.state_tile_errors(&tiles);
+        for (level, sums) in (first..).zip(&levels) {
+            self.writer.state_error(partition, level, sums.error());
+        }
+        if partition == Partition::Geographic {
+            self.writer.state_error(partition, 0, LevelError::default());
+        }
+        Ok(())
     }
 
     /// Puts a block's posts into the tiles of every level.
@@ -146,14 +304,14 @@ impl Levels {
             let posts = row[place..].iter().step_by(offset(step));
             let posts = posts.take(offset(next - i)).enumerate();
             let at = TileKey::index_of(i, j);
+            let sea = self.scale.quanta(0.0);
             let mut open: Option<&mut OpenTile> = None;
             for (along, post) in posts {
                 let Some(post) = post else { continue };
                 let tile = match open {
                     Some(tile) => tile,
                     None => self.open.entry(key).or_insert_with(|| OpenTile {
-                        // Where no source says anything, the sea's height: the geometry has to go on somewhere.
-                        tile: Tile::filled(self.scale.quanta(0.0), SurfaceKind::Void),
+                        tile: Tile::filled(sea, SurfaceKind::Void),
                         max_error_m: 0.0,
                     }),
                 };
@@ -202,52 +360,46 @@ impl Levels {
         self.write(&tiles)
     }
 
-    /// Encodes in parallel, writes in order.
+    /// Encodes in parallel, writes in order: the data itself to the pack, what is made of it to the other file.
     fn write(&mut self, tiles: &[(TileKey, OpenTile)]) -> io::Result<()> {
-        let share = tiles.len().div_ceil(self.encoders.len()).max(1);
-        let mut encoded: Vec<Option<EncodedTile>> = Vec::new();
-        encoded.resize_with(tiles.len(), || None);
-        let encode = |encoder: &mut Encoder, to: &mut [Option<EncodedTile>], from: &[_]| {
-            for (to, (key, open)) in to.iter_mut().zip(from) {
-                let open: &OpenTile = open;
-                *to = Some(EncodedTile::new(
-                    encoder,
-                    *key,
-                    &open.tile,
-                    open.max_error_m,
-                ));
-            }
+        let first_made = self.first_made();
+        let (made, data): (Vec<_>, Vec<_>) =
+            tiles.iter().partition(|(key, _)| key.level >= first_made);
+        let encode = |encoder: &mut Encoder, tile: &&(TileKey, OpenTile)| {
+            let (key, open) = tile;
+            EncodedTile::new(encoder, *key, &open.tile, open.max_error_m)
         };
-        std::thread::scope(|scope| {
-            let shares = encoded.chunks_mut(share).zip(tiles.chunks(share));
-            let mut shares = self.encoders.iter_mut().zip(shares);
-            let own = shares.next();
-            for (encoder, (to, from)) in shares {
-                let builder = std::thread::Builder::new().name("encode".into());
-                // Tiles of a thread that cannot start are encoded below.
-                let _ = builder.spawn_scoped(scope, move || encode(encoder, to, from));
-            }
-            if let Some((encoder, (to, from))) = own {
-                encode(encoder, to, from);
-            }
-        });
-        for (slot, (key, open)) in encoded.into_iter().zip(tiles) {
-            let tile = slot.unwrap_or_else(|| {
-                EncodedTile::new(&mut Encoder::new(), *key, &open.tile, open.max_error_m)
-            });
+        for tile in share(&mut self.encoders, &data, encode) {
             self.writer.add(&tile)?;
+        }
+        for tile in share(&mut self.quick, &made, encode) {
+            self.sampled.add(&tile)?;
         }
         Ok(())
     }
 
-    /// Writes what is left and completes the pack.
+    /// Writes what is left and completes the pack. `proceed` is called with the tiles done and their number, and says whether
+    /// to go on.
     ///
     /// # Errors
-    /// If writing fails; no pack is left then.
-    pub fn finish(mut self, geoid: &GeoidGrid, sources: &[SourceInfo]) -> io::Result<PackInfo> {
-        let rest: Vec<(TileKey, OpenTile)> = std::mem::take(&mut self.open).into_iter().collect();
-        self.write(&rest)?;
+    /// If writing, or reading back, fails, or `proceed` said no; no pack is left then.
+    pub fn finish(
+        mut self,
+        geoid: &GeoidGrid,
+        sources: &[SourceInfo],
+        proceed: &mut dyn FnMut(usize, usize) -> bool,
+    ) -> io::Result<PackInfo> {
+        self.complete(proceed)?;
         self.writer.finish(geoid, sources, &self.statistics)
+    }
+}
+
+/// An error where somebody said to stop.
+pub(crate) fn go_on(yes: bool) -> io::Result<()> {
+    if yes {
+        Ok(())
+    } else {
+        Err(io::Error::from(io::ErrorKind::Interrupted))
     }
 }
 

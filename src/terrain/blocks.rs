@@ -65,11 +65,16 @@ impl Block {
 /// Blocks of one level.
 pub type Blocks = ArrayVec<Block, BLOCKS_MAX>;
 
-/// Cuts a window without the cells of `hole`, and without rows outside `rows` (cells from the origin, first and one past
-/// the last), into blocks. Returns whether they fitted; they do for every hole that [`super::clipmap::hole`] gives.
-pub fn ring(shape: Shape, hole: Option<CellRect>, rows: (i32, i32), out: &mut Blocks) -> bool {
+/// Cuts a square of `w` cells without those of `hole`, and without rows outside `rows` (cells from the origin, first and one
+/// past the last), into blocks. Returns whether they fitted; they do for every hole that [`super::clipmap::hole`] gives.
+pub fn ring(
+    shape: Shape,
+    w: i32,
+    hole: Option<CellRect>,
+    rows: (i32, i32),
+    out: &mut Blocks,
+) -> bool {
     out.clear();
-    let w = shape.cells();
     let full = CellRect {
         x0: 0,
         y0: 0,
@@ -177,17 +182,17 @@ pub fn pattern_indices(shape: Shape) -> Vec<u16> {
 }
 
 /// The corner of a block that a vertex of the pattern stands for, in cells from the window's origin, as the shader
-/// computes it: shifted by the block's parity, collapsed onto its edge, and, on the window's outer edge, moved to the
-/// even post that the next level has too.
+/// computes it: shifted by the block's parity, collapsed onto its edge, and, on the outer edge of the `w` cells drawn, moved
+/// to the even post that the next level has too.
 #[must_use]
-pub fn vertex_cell(shape: Shape, block: Block, number: u16) -> (i32, i32) {
+pub fn vertex_cell(w: i32, block: Block, number: u16) -> (i32, i32) {
     let [west, east, south, north] =
         [block.west, block.east, block.south, block.north].map(i32::from);
     let [i, j] = [number % 32, number / 32].map(i32::from);
     let odd = (west + south) & 1;
     let x = (i + west - odd).clamp(west, east);
     let y = (j + south).min(north);
-    let edge = |v: i32| v == 0 || v == shape.cells();
+    let edge = |v: i32| v == 0 || v == w;
     (
         if edge(y) { x & !1 } else { x },
         if edge(x) { y & !1 } else { y },
@@ -197,7 +202,7 @@ pub fn vertex_cell(shape: Shape, block: Block, number: u16) -> (i32, i32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::terrain::clipmap::{Morph, Window, hole};
+    use crate::terrain::clipmap::{Extent, Morph, Window, hole, reach_max, reach_under};
     use proptest::prelude::*;
     use std::collections::HashMap;
 
@@ -218,16 +223,22 @@ mod tests {
         #[test]
         fn a_ring_covers_every_cell_outside_its_hole_once(
             shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64, south in 0..60_i32, north in 0..60_i32,
+            share in 0.0..1.0_f64,
         ) {
-            let fine = Window::around(shape, x, y, None);
-            let coarse = Window::around(shape, x / 2.0, y / 2.0, None);
-            let morph = Morph::new(shape, coarse, x / 2.0, y / 2.0);
-            let hole = hole(shape, coarse, &morph, fine).expect("centred windows nest");
-            let w = shape.cells();
+            let on = |scale: f64, reach: f64| {
+                let window = Window::around(shape, x / scale, y / scale, None);
+                Extent::around(shape, window, reach, (x / scale, y / scale))
+            };
+            let reach = share * reach_max(shape);
+            let (fine, _) = on(1.0, reach);
+            let under = reach_under(shape, reach);
+            let (coarse, around) = on(2.0, under);
+            let hole = hole(coarse, &Morph::new(shape, coarse, around, under), fine).expect("they nest");
+            let w = coarse.cells;
             let rows = (south, w - north);
             let mut blocks = Blocks::new();
             for hole in [None, Some(hole)] {
-                prop_assert!(ring(shape, hole, rows, &mut blocks));
+                prop_assert!(ring(shape, w, hole, rows, &mut blocks));
                 let mut count = HashMap::new();
                 for b in &blocks {
                     prop_assert!(b.width() <= shape.block_cells());
@@ -262,13 +273,14 @@ mod tests {
             let shape = Shape::new(n).expect("a legal shape");
             let indices = pattern_indices(shape);
             let mut blocks = Blocks::new();
-            assert!(ring(shape, None, (0, shape.cells()), &mut blocks), "room");
+            let w = shape.cells();
+            assert!(ring(shape, w, None, (0, w), &mut blocks), "room");
             let mut area = 0;
             // Every edge inside must be used once in each direction; on the outline only even posts are left.
             let mut edges: HashMap<[(i32, i32); 2], i32> = HashMap::new();
             for &block in &blocks {
                 for t in indices.chunks_exact(3) {
-                    let t = [t[0], t[1], t[2]].map(|v| vertex_cell(shape, block, v));
+                    let t = [t[0], t[1], t[2]].map(|v| vertex_cell(w, block, v));
                     let a = area2(t);
                     assert!(a >= 0, "counter-clockwise: {t:?}");
                     area += a;
@@ -307,7 +319,7 @@ mod tests {
     #[test]
     fn a_diagonal_depends_on_the_cell_and_not_on_its_block() {
         let shape = Shape::new(127).expect("a legal shape");
-        let indices = pattern_indices(shape);
+        let (indices, w) = (pattern_indices(shape), shape.cells());
         for (x, y) in [(20, 20), (21, 20), (20, 21), (21, 21)] {
             let block = Block::of(CellRect {
                 x0: x,
@@ -316,7 +328,7 @@ mod tests {
                 y1: y + 17,
             });
             for t in indices.chunks_exact(3) {
-                let t = [t[0], t[1], t[2]].map(|v| vertex_cell(shape, block, v));
+                let t = [t[0], t[1], t[2]].map(|v| vertex_cell(w, block, v));
                 if area2(t) == 0 {
                     continue;
                 }

@@ -1,4 +1,4 @@
-//! The clipmap's geometry: how large a level is, where its window stands for an eye, which levels a view wants, and how a
+//! The clipmap's geometry: how large a level is, where its window stands for an eye, which part of it is drawn, and how a
 //! level blends into the next coarser one. Pure integer and f64 arithmetic.
 //!
 //! Level 0 is the finest. A level shows a *window* of n x n posts whose south-west post, its *origin*, is even, so that
@@ -15,19 +15,19 @@
 use super::grid::Grid;
 use crate::limits::{LEVEL_VERTICES_MAX, LEVELS_MAX};
 
-/// Radius that turns latitude into metres to within 0.4 %: WGS 84's mean, (2a + b) / 3.
-const MEAN_RADIUS_M: f64 = 6_371_008.8;
-
 /// The eye may be this far from the centre of its window, in posts, before the window moves. Even rounding needs 1; the
 /// half more keeps a hovering eye from moving it to and fro.
 const CENTRING_POSTS: f64 = 1.5;
 
-/// How far the centre of the blend may be from the window's centre, in posts. A window that lags more than this blends
-/// around this point instead of around the eye, so that its edge still meets the next level exactly.
+/// How far the centre of the blend may be from the window's centre, in posts, where all of the window is drawn. A window
+/// that lags more than there is room blends around a point that has room instead of around the eye, so that its edge still meets the next
+/// level exactly.
 const MORPH_LAG_POSTS: f64 = 2.0;
 
-/// Share of a window's half-width over which it blends into the next coarser level.
+/// Share of what is drawn on either side of the eye over which a level blends into the next coarser one, and the least
+/// number of posts it takes.
 const MORPH_SHARE: f64 = 0.15;
+const BLEND_POSTS_MIN: f64 = 12.0;
 
 /// Latitude beyond which the geographic partition draws nothing. It is drawn up to a degree or so beyond the seam, from where
 /// the horizon of 20 km and the highest mountains behind it end at 79 degrees.
@@ -139,6 +139,80 @@ fn origin(shape: Shape, x: f64, current: Option<i32>) -> i32 {
     2 * half
 }
 
+/// What is drawn of a level: a square of cells inside the window that is resident.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Extent {
+    /// Its south-western post; even, like a window's.
+    pub window: Window,
+    /// Cells a side, an even number.
+    pub cells: i32,
+}
+
+/// Sides of what is drawn grow and shrink by this many cells, so that blocks are not cut anew in every frame.
+const EXTENT_STEP_CELLS: i32 = 4;
+
+impl Extent {
+    /// The part of a resident `window` that reaches `reach` posts around an eye, at most [`reach_max`], and a margin of one
+    /// post at least. Returns it with the point it is around: the eye, or, where the window lags behind that, the nearest
+    /// point that has room.
+    #[must_use]
+    pub fn around(
+        shape: Shape,
+        window: Window,
+        reach: f64,
+        (x, y): (f64, f64),
+    ) -> (Self, (f64, f64)) {
+        let room = shape.half() - reach - 1.0;
+        let near = |v: f64, origin: i32| {
+            let centre = f64::from(origin) + shape.half();
+            v.clamp(centre - room, centre + room)
+        };
+        let (x, y) = (near(x, window.i), near(y, window.j));
+        let half = reach + MORPH_LAG_POSTS + 1.0;
+        #[expect(clippy::cast_possible_truncation, reason = "a few hundred cells")]
+        let steps = (2.0 * half / f64::from(EXTENT_STEP_CELLS)).ceil() as i32;
+        let cells = (steps * EXTENT_STEP_CELLS).min(shape.cells());
+        let side = |v: f64, lowest: i32| {
+            #[expect(
+                clippy::cast_possible_truncation,
+                reason = "a post number: the eye is on the Earth, and float casts saturate"
+            )]
+            let even = 2 * (0.5 * v - 0.25 * f64::from(cells)).round() as i32;
+            even.clamp(lowest, lowest + shape.cells() - cells)
+        };
+        let window = Window {
+            i: side(x, window.i),
+            j: side(y, window.j),
+        };
+        (Self { window, cells }, (x, y))
+    }
+}
+
+/// The farthest that a level can reach, posts: so that its blend is complete inside its window wherever that stands within
+/// a post and a half of the eye.
+#[must_use]
+pub fn reach_max(shape: Shape) -> f64 {
+    shape.half() - MORPH_LAG_POSTS - 1.0
+}
+
+/// Over how many posts a level that reaches `reach` posts blends into the next. A level that hardly reaches anywhere is
+/// blended all over, so that it comes and goes unseen.
+#[must_use]
+pub fn blend_posts(shape: Shape, reach: f64) -> f64 {
+    let least = (MORPH_SHARE * shape.half()).min(BLEND_POSTS_MIN);
+    (MORPH_SHARE * (reach + MORPH_LAG_POSTS + 1.0)).max(least)
+}
+
+/// The least reach of a level on which one that reaches `finer` posts lies, posts.
+#[must_use]
+pub fn reach_under(shape: Shape, finer: f64) -> f64 {
+    // Half of the finer one's widest extent, and what it and its centre may stand beside.
+    let hole = (finer + MORPH_LAG_POSTS + 1.0 + f64::from(EXTENT_STEP_CELLS) / 2.0) / 2.0;
+    let clear = hole + CENTRING_POSTS;
+    let least = clear + blend_posts(shape, 0.0);
+    least.max((clear + MORPH_SHARE * (MORPH_LAG_POSTS + 1.0)) / (1.0 - MORPH_SHARE))
+}
+
 /// The eye among the posts of a level: continuous post coordinates of a longitude and a latitude in degrees.
 #[must_use]
 pub fn post_position(grid: Grid, level: u8, longitude_deg: f64, latitude_deg: f64) -> (f64, f64) {
@@ -160,75 +234,30 @@ pub fn row_limit(grid: Grid, levels: u8, level: u8) -> i32 {
     rows << coarsest.saturating_sub(level)
 }
 
-/// What decides which levels a view wants.
-#[derive(Clone, Copy, Debug)]
-pub struct View {
-    /// Grid latitude of the eye, degrees.
-    pub latitude_deg: f64,
-    /// Height of the eye above the ground under it, or above the lowest ground where that is not known, metres.
-    pub above_ground_m: f64,
-    /// Height of the eye above the lowest terrain of the pack, metres.
-    pub above_lowest_m: f64,
-    /// Height of the highest terrain of the pack above its lowest, metres.
-    pub relief_m: f64,
-    /// Focal length, pixels.
-    pub focal_px: f64,
-}
-
-/// The finest and the coarsest level a view wants, out of `levels` levels.
-///
-/// The finest is the first whose spacing, seen from the eye's height above ground, which no terrain below is nearer than,
-/// is at least `pixels` wide: finer cells would be smaller than that everywhere. The coarsest is the first whose window
-/// reaches the farthest terrain that the horizon lets through.
-#[must_use]
-pub fn wanted_levels(shape: Shape, grid: Grid, levels: u8, view: &View, pixels: f64) -> (u8, u8) {
-    let last = levels.saturating_sub(1);
-    let spacing_m = |level: u8| grid.spacing_deg(level).to_radians() * MEAN_RADIUS_M;
-    let above = view.above_ground_m.max(0.0);
-    let finest = (0..last)
-        .find(|&l| spacing_m(l) * view.focal_px >= pixels * above)
-        .unwrap_or(last);
-    let horizon_m = horizon_distance_m(view.above_lowest_m) + horizon_distance_m(view.relief_m);
-    let usable = shape.half() - MORPH_LAG_POSTS;
-    let narrow = view.latitude_deg.to_radians().cos().max(0.02);
-    let coarsest = (finest..last)
-        .find(|&l| spacing_m(l) * usable * narrow >= horizon_m)
-        .unwrap_or(last);
-    (finest, coarsest)
-}
-
-/// Distance to the horizon of a sphere from a height, metres: `sqrt(2 R h + h^2)`.
-fn horizon_distance_m(height_m: f64) -> f64 {
-    let h = height_m.max(0.0);
-    (2.0 * MEAN_RADIUS_M * h + h * h).sqrt()
-}
-
-/// How a window blends into the next coarser level: not at all up to `start` posts (by the larger coordinate) from the
-/// centre, and entirely from `end` posts on. Coordinates are cells from the window's origin.
+/// How a level blends into the next coarser one: not at all up to `start` posts (by the larger coordinate) from the
+/// centre, and entirely from `end` posts on. Coordinates are cells from the origin of what is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Morph {
-    /// Centre, cells east of the window's western edge.
+    /// Centre, cells east of the western edge.
     pub x: f64,
-    /// Centre, cells north of the window's southern edge.
+    /// Centre, cells north of the southern edge.
     pub y: f64,
-    /// Where the blend begins.
+    /// Where the blend begins; below zero where it is everywhere.
     pub start: f64,
-    /// Where it is complete; every point of the window's edge is farther than this.
+    /// Where it is complete; every point of the edge is farther than this.
     pub end: f64,
 }
 
 impl Morph {
-    /// For a window and the eye's post position.
+    /// For what is drawn of a level, around the eye's post position. The blend is complete `reach` posts from there, all of
+    /// which lie inside by more than a post.
     #[must_use]
-    pub fn new(shape: Shape, window: Window, x: f64, y: f64) -> Self {
-        let half = shape.half();
-        let near = |v: f64| v.clamp(half - MORPH_LAG_POSTS, half + MORPH_LAG_POSTS);
-        let end = half - MORPH_LAG_POSTS - 1.0;
+    pub fn new(shape: Shape, extent: Extent, (x, y): (f64, f64), reach: f64) -> Self {
         Self {
-            x: near(x - f64::from(window.i)),
-            y: near(y - f64::from(window.j)),
-            start: end - MORPH_SHARE * half,
-            end,
+            x: x - f64::from(extent.window.i),
+            y: y - f64::from(extent.window.j),
+            start: reach - blend_posts(shape, reach),
+            end: reach,
         }
     }
 
@@ -255,13 +284,13 @@ pub struct CellRect {
     pub y1: i32,
 }
 
-/// The cells that a finer window covers in the next coarser one, if it lies strictly inside the part of it that is not
+/// The cells that a finer level covers in the next coarser one, if it lies strictly inside the part of it that is not
 /// blended; `None` means the finer level must not be drawn with this one.
 #[must_use]
-pub fn hole(shape: Shape, coarse: Window, morph: &Morph, fine: Window) -> Option<CellRect> {
-    let x0 = fine.i / 2 - coarse.i;
-    let y0 = fine.j / 2 - coarse.j;
-    let size = shape.cells() / 2;
+pub fn hole(coarse: Extent, morph: &Morph, fine: Extent) -> Option<CellRect> {
+    let x0 = fine.window.i / 2 - coarse.window.i;
+    let y0 = fine.window.j / 2 - coarse.window.j;
+    let size = fine.cells / 2;
     let rect = CellRect {
         x0,
         y0,
@@ -270,7 +299,7 @@ pub fn hole(shape: Shape, coarse: Window, morph: &Morph, fine: Window) -> Option
     };
     let clear = |near: i32, far: i32, centre: f64| {
         near > 0
-            && far < shape.cells()
+            && far < coarse.cells
             && centre - f64::from(near) <= morph.start
             && f64::from(far) - centre <= morph.start
     };
@@ -356,6 +385,16 @@ mod tests {
         .prop_map(|n| Shape::new(n).expect("a legal shape"))
     }
 
+    fn blended_at_the_edge(extent: &Extent, morph: &Morph) -> Result<(), TestCaseError> {
+        let w = extent.cells;
+        for k in 0..=w {
+            for (x, y) in [(k, 0), (k, w), (0, k), (w, k)] {
+                prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0_f64.to_bits());
+            }
+        }
+        Ok(())
+    }
+
     proptest! {
         #[test]
         fn windows_are_even_and_centred(shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64) {
@@ -367,42 +406,50 @@ mod tests {
         }
 
         #[test]
-        fn a_window_nests_in_the_next_with_its_blend_complete_at_the_edge_and_nil_at_the_hole(
-            shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64,
+        fn what_is_drawn_nests_in_the_next_with_its_blend_complete_at_the_edge_and_nil_at_the_hole(
+            shape in shapes(), x in -3e5..3e5_f64, y in -1e5..1e5_f64, share in 0.0..1.0_f64,
+            lag in (-1.5..1.5_f64, -1.5..1.5_f64),
         ) {
-            let fine = Window::around(shape, x, y, None);
-            let coarse = Window::around(shape, x / 2.0, y / 2.0, None);
-            let morph = Morph::new(shape, coarse, x / 2.0, y / 2.0);
-            let hole = hole(shape, coarse, &morph, fine);
-            prop_assert!(hole.is_some(), "centred windows always nest");
-            let hole = hole.expect("just seen");
-            for k in 0..=shape.cells() / 2 {
-                for (x, y) in [
-                    (hole.x0 + k, hole.y0), (hole.x0 + k, hole.y1),
-                    (hole.x0, hole.y0 + k), (hole.x1, hole.y0 + k),
-                ] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 0.0_f64.to_bits());
+            let eye = |scale: f64| (x / scale, y / scale);
+            let on = |scale: f64, reach: f64| {
+                // A window that has not moved yet.
+                let window = Window::around(shape, x / scale + lag.0, y / scale + lag.1, None);
+                let window = Window::around(shape, x / scale, y / scale, Some(window));
+                let (extent, around) = Extent::around(shape, window, reach, eye(scale));
+                (window, extent, Morph::new(shape, extent, around, reach))
+            };
+            let fine_reach = share * reach_max(shape);
+            let (_, fine, _) = on(1.0, fine_reach);
+            for coarse_reach in [reach_under(shape, fine_reach), reach_max(shape)] {
+                let (window, coarse, morph) = on(2.0, coarse_reach);
+                let inside = |post: i32, origin: i32, cells: i32| (origin..=origin + cells).contains(&post);
+                for post in [coarse.window.i, coarse.window.i + coarse.cells] {
+                    prop_assert!(post % 2 == 0 && inside(post, window.i, shape.cells()));
                 }
-            }
-            let w = shape.cells();
-            for k in 0..=w {
-                for (x, y) in [(k, 0), (k, w), (0, k), (w, k)] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0_f64.to_bits());
+                let hole = hole(coarse, &morph, fine);
+                prop_assert!(hole.is_some(), "they nest: {:?} {:?} {:?}", coarse, morph, fine);
+                let hole = hole.expect("just seen");
+                for k in 0..=fine.cells / 2 {
+                    for (x, y) in [
+                        (hole.x0 + k, hole.y0), (hole.x0 + k, hole.y1),
+                        (hole.x0, hole.y0 + k), (hole.x1, hole.y0 + k),
+                    ] {
+                        prop_assert_eq!(morph.alpha(x, y).to_bits(), 0.0_f64.to_bits());
+                    }
                 }
+                blended_at_the_edge(&coarse, &morph)?;
             }
         }
 
         #[test]
-        fn a_lagging_window_still_blends_completely_at_its_edge(
-            shape in shapes(), lag_x in -200.0..200.0_f64, lag_y in -200.0..200.0_f64,
+        fn a_lagging_window_still_blends_completely_at_the_edge(
+            shape in shapes(), lag_x in -200.0..200.0_f64, lag_y in -200.0..200.0_f64, share in 0.0..1.0_f64,
         ) {
             let w = Window { i: 0, j: 0 };
-            let morph = Morph::new(shape, w, shape.half() + lag_x, shape.half() + lag_y);
-            for k in 0..=shape.cells() {
-                for (x, y) in [(k, 0), (k, shape.cells()), (0, k), (shape.cells(), k)] {
-                    prop_assert_eq!(morph.alpha(x, y).to_bits(), 1.0_f64.to_bits());
-                }
-            }
+            let reach = share * reach_max(shape);
+            let eye = (shape.half() + lag_x, shape.half() + lag_y);
+            let (extent, around) = Extent::around(shape, w, reach, eye);
+            blended_at_the_edge(&extent, &Morph::new(shape, extent, around, reach))?;
         }
 
         #[test]
@@ -437,26 +484,5 @@ mod tests {
             let latitude = GRID.latitude_deg(level, row);
             assert!((84.7..=85.0).contains(&latitude), "{latitude}");
         }
-    }
-
-    #[test]
-    fn a_low_eye_wants_the_finest_level_and_a_high_one_reaches_its_horizon() {
-        let shape = Shape::new(255).expect("a legal shape");
-        let mut view = View {
-            latitude_deg: 46.0,
-            above_ground_m: 300.0,
-            above_lowest_m: 1300.0,
-            relief_m: 4500.0,
-            focal_px: 887.0,
-        };
-        let (finest, coarsest) = wanted_levels(shape, GRID, 8, &view, 1.0);
-        assert_eq!(finest, 0);
-        // sqrt(2 R 1300) + sqrt(2 R 4500) = 129 + 239 km; level 5 spans 255 x 2.97 km / 2 x cos 46 = 253 km, 6 twice it.
-        assert_eq!(coarsest, 6);
-        view.above_ground_m = 300_000.0;
-        view.above_lowest_m = 300_000.0;
-        let (finest, coarsest) = wanted_levels(shape, GRID, 8, &view, 1.0);
-        // A pixel of 300 km / 887 = 338 m: level 2's posts are 371 m apart, level 1's 185 m.
-        assert_eq!((finest, coarsest), (2, 7));
     }
 }

@@ -104,8 +104,18 @@ impl Encoder {
     /// A new one.
     #[must_use]
     pub fn new() -> Self {
+        Self::with_effort(DEFLATE_LEVEL)
+    }
+
+    /// For bytes that are soon read back and thrown away.
+    #[must_use]
+    pub(crate) fn quick() -> Self {
+        Self::with_effort(1)
+    }
+
+    fn with_effort(level: u8) -> Self {
         let mut deflate = Box::new(CompressorOxide::default());
-        deflate.set_format_and_level(miniz_oxide::DataFormat::Raw, DEFLATE_LEVEL);
+        deflate.set_format_and_level(miniz_oxide::DataFormat::Raw, level);
         Self {
             raw: vec![0; RAW_BYTES_MAX],
             deflate,

@@ -1,21 +1,53 @@
-//! Which blocks a camera can see, and how near and far they are: spheres against the picture's four planes and against
-//! the horizon, in f64.
+//! Which blocks a camera can see, and how near and far they are: spheres and corners against the picture's four planes and
+//! against the horizon.
+//!
+//! Bounds are computed in f64 and kept in f32, counted from an origin near the eye ([`Viewer::from`]): then what rounding
+//! moves is less than a millionth of a distance, and all that is tested has room for a hundred times more.
 
 use super::partition::Partition;
 use crate::geo::{Camera, WGS84_A_M, WGS84_B_M};
-use glam::{DMat3, DVec3};
+use glam::{DVec3, Vec3, Vec4};
 
-/// A block of terrain as culling sees it: its corners and a sphere around them, Earth-centred, metres.
+/// Four points side by side, metres.
+#[derive(Clone, Copy, Debug)]
+pub struct Quad {
+    /// First coordinates.
+    pub x: Vec4,
+    /// Second coordinates.
+    pub y: Vec4,
+    /// Third coordinates.
+    pub z: Vec4,
+}
+
+impl Quad {
+    fn of(points: [DVec3; 4]) -> Self {
+        let [a, b, c, d] = points.map(|p| p.as_vec3());
+        Self {
+            x: Vec4::new(a.x, b.x, c.x, d.x),
+            y: Vec4::new(a.y, b.y, c.y, d.y),
+            z: Vec4::new(a.z, b.z, c.z, d.z),
+        }
+    }
+
+    /// Each point's dot product with a direction.
+    #[must_use]
+    pub fn dot(&self, n: Vec3) -> Vec4 {
+        self.x * n.x + self.y * n.y + self.z * n.z
+    }
+}
+
+/// A block of terrain as culling sees it: its corners and a sphere around them, Earth-centred axes, metres from an origin.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
-    centre: DVec3,
-    radius_m: f64,
-    height_min_m: f64,
-    height_max_m: f64,
-    /// At the lowest height, then at the greatest.
-    corners: [DVec3; 8],
+    centre: Vec3,
+    radius_m: f32,
+    height_min_m: f32,
+    height_max_m: f32,
+    /// South-west, south-east, north-west and north-east, at the lowest height and at the greatest.
+    low: Quad,
+    high: Quad,
     /// How far the block can bulge beyond its corners.
-    bulge_m: f64,
+    bulge_m: f32,
 }
 
 /// A patch of terrain: its sides in degrees of its partition's grid, its heights in metres above the ellipsoid.
@@ -37,83 +69,77 @@ pub struct Patch {
     pub height_max_m: f64,
 }
 
+/// Room for rounding, metres.
+const BULGE_MIN_M: f64 = 0.2;
+
 impl Bound {
-    /// Around a patch, at most a few degrees wide. Its farthest points from its middle are corners; between corners its
-    /// sides leave the straight line by at most an eighth of their length squared over the Earth's radius, twice that
-    /// where a side of constant latitude turns on a small circle (up to 63 degrees; beyond, the length shrinks faster).
+    /// Around a patch, at most a few degrees wide, counted from an `origin`. Its farthest points from its middle are corners;
+    /// between corners its sides leave the straight line by at most an eighth of their length squared over the Earth's
+    /// radius, twice that where a side of constant latitude turns on a small circle (up to 63 degrees; beyond, the length
+    /// shrinks faster).
     #[must_use]
-    pub fn of(patch: &Patch) -> Self {
-        let at = |lat: f64, lon: f64, h: f64| patch.partition.ecef(lon, lat, h);
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "f64 until here; see the module"
+    )]
+    pub fn of(patch: &Patch, origin: DVec3) -> Self {
         let (low, high) = (patch.height_min_m, patch.height_max_m);
-        let mut corners = [DVec3::ZERO; 8];
         let sides = [
             (patch.south_deg, patch.west_deg),
             (patch.south_deg, patch.east_deg),
             (patch.north_deg, patch.west_deg),
             (patch.north_deg, patch.east_deg),
         ];
-        for (at_corner, (lat, lon)) in sides.into_iter().enumerate() {
-            let up = patch.partition.normal(lon, lat);
-            corners[at_corner] = at(lat, lon, low);
-            corners[at_corner + 4] = corners[at_corner] + up * (high - low);
-        }
-        let centre = at(
-            f64::midpoint(patch.south_deg, patch.north_deg),
+        let lows = sides.map(|(lat, lon)| patch.partition.ecef(lon, lat, low) - origin);
+        let ups = sides.map(|(lat, lon)| patch.partition.normal(lon, lat) * (high - low));
+        let highs = [0, 1, 2, 3].map(|at| lows[at] + ups[at]);
+        let centre = patch.partition.ecef(
             f64::midpoint(patch.west_deg, patch.east_deg),
+            f64::midpoint(patch.south_deg, patch.north_deg),
             f64::midpoint(low, high),
-        );
-        let radius_m = corners
+        ) - origin;
+        let radius_m = lows
             .iter()
+            .chain(&highs)
             .map(|&c| (c - centre).length())
             .fold(0.0, f64::max);
-        let across_m = (corners[3] - corners[0])
+        let across_m = (lows[3] - lows[0])
             .length()
-            .max((corners[2] - corners[1]).length());
+            .max((lows[2] - lows[1]).length());
         Self {
-            centre,
-            radius_m: radius_m * 1.01 + 1.0,
-            height_min_m: low,
-            height_max_m: high,
-            corners,
-            bulge_m: across_m * across_m / (4.0 * WGS84_B_M) + 1.0,
+            centre: centre.as_vec3(),
+            radius_m: (radius_m * 1.01 + 1.0) as f32,
+            height_min_m: low as f32,
+            height_max_m: high as f32,
+            low: Quad::of(lows),
+            high: Quad::of(highs),
+            bulge_m: (across_m * across_m / (4.0 * WGS84_B_M) + BULGE_MIN_M) as f32,
         }
     }
 
     /// The same where something of it reaches up to `by_m` farther on any side.
     #[must_use]
-    pub const fn widened(mut self, by_m: f64) -> Self {
+    pub const fn widened(mut self, by_m: f32) -> Self {
         self.radius_m += by_m;
         self.bulge_m += by_m;
         self
     }
 
-    /// The middle of the sphere around it.
+    /// Its corners at the lowest height and at the greatest, each south-west, south-east, north-west and north-east.
     #[must_use]
-    pub const fn centre(&self) -> DVec3 {
-        self.centre
-    }
-
-    /// The radius of the sphere around it.
-    #[must_use]
-    pub const fn radius_m(&self) -> f64 {
-        self.radius_m
-    }
-
-    /// Its corners: south-west, south-east, north-west and north-east at the lowest height, then at the greatest.
-    #[must_use]
-    pub const fn corners(&self) -> &[DVec3; 8] {
-        &self.corners
+    pub const fn corners(&self) -> (&Quad, &Quad) {
+        (&self.low, &self.high)
     }
 
     /// How far it can bulge beyond its corners, metres.
     #[must_use]
-    pub const fn bulge_m(&self) -> f64 {
+    pub const fn bulge_m(&self) -> f32 {
         self.bulge_m
     }
 
     /// Its lowest and greatest height above the ellipsoid, metres.
     #[must_use]
-    pub const fn heights_m(&self) -> (f64, f64) {
+    pub const fn heights_m(&self) -> (f32, f32) {
         (self.height_min_m, self.height_max_m)
     }
 }
@@ -132,10 +158,9 @@ pub struct Span {
 pub struct Viewer {
     eye: DVec3,
     eye_height_m: f64,
-    ecef_to_eye: DMat3,
-    /// Inward unit normals of the right and left planes are (-+nx, 0, nz), of the upper and lower (0, -+ny, nz').
-    right: (f64, f64),
-    top: (f64, f64),
+    /// Inward normals of the picture's sides, all through the eye, Earth-centred axes.
+    sides: [DVec3; 4],
+    ahead: DVec3,
     /// Semi-axes of an ellipsoid that lies below all terrain: what hides what is behind it.
     occluder: DVec3,
     /// Tangent length from the eye to the occluder, in units where it is a unit sphere; infinite from below it.
@@ -151,10 +176,16 @@ impl Viewer {
     #[must_use]
     pub fn new(camera: &Camera, height_min_m: f64) -> Self {
         let f = camera.focal_px();
-        let plane = |half_px: f64| {
+        let axes = camera.eye_to_ecef();
+        // Eye space looks along -z.
+        let side = |x: f64, y: f64, half_px: f64| {
             let length = f.hypot(half_px);
-            (f / length, half_px / length)
+            axes * DVec3::new(x * f, y * f, -half_px) / length
         };
+        let (w, h) = (
+            f64::from(camera.width_px) / 2.0,
+            f64::from(camera.height_px) / 2.0,
+        );
         let eye = camera.eye.to_ecef();
         let drop = height_min_m - OCCLUDER_MARGIN_M;
         let occluder = DVec3::new(WGS84_A_M + drop, WGS84_A_M + drop, WGS84_B_M + drop);
@@ -162,9 +193,13 @@ impl Viewer {
         Self {
             eye,
             eye_height_m: camera.eye.height_ellipsoid.0,
-            ecef_to_eye: camera.eye_to_ecef().transpose(),
-            right: plane(f64::from(camera.width_px) / 2.0),
-            top: plane(f64::from(camera.height_px) / 2.0),
+            sides: [
+                side(1.0, 0.0, w),
+                side(-1.0, 0.0, w),
+                side(0.0, 1.0, h),
+                side(0.0, -1.0, h),
+            ],
+            ahead: -axes.z_axis,
             occluder,
             horizon: if beyond > 0.0 {
                 beyond.sqrt()
@@ -174,50 +209,76 @@ impl Viewer {
         }
     }
 
+    /// For bounds that are counted from an origin, which is best near the eye.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "f64 until here; see the module"
+    )]
+    pub fn from(&self, origin: DVec3) -> ViewerFrom {
+        let offset = origin - self.eye;
+        let plane = |n: DVec3| (n.as_vec3(), n.dot(offset) as f32);
+        let drop = self.occluder.z - WGS84_B_M;
+        ViewerFrom {
+            offset: offset.as_vec3(),
+            sides: self.sides.map(plane),
+            ahead: plane(self.ahead),
+            eye_height_m: self.eye_height_m as f32,
+            to_sphere: (1.0 / self.occluder).as_vec3(),
+            drop_m: drop as f32,
+            horizon: self.horizon as f32,
+        }
+    }
+}
+
+/// A [`Viewer`] for bounds counted from one origin.
+#[derive(Clone, Copy, Debug)]
+pub struct ViewerFrom {
+    /// From the eye to the origin.
+    offset: Vec3,
+    /// Planes: the normal, and the origin's distance inside.
+    sides: [(Vec3, f32); 4],
+    ahead: (Vec3, f32),
+    eye_height_m: f32,
+    /// Makes the occluder a unit sphere.
+    to_sphere: Vec3,
+    /// The occluder's height above the ellipsoid.
+    drop_m: f32,
+    horizon: f32,
+}
+
+impl ViewerFrom {
     /// How far away a block is, or `None` if no part of it can be in the picture. Errs on the side of drawing.
     #[must_use]
     pub fn sees(&self, bound: &Bound) -> Option<Span> {
-        let to = bound.centre - self.eye;
-        let p = self.ecef_to_eye * to;
         let r = bound.radius_m;
-        // Eye space looks along -z. Distances inside each plane:
-        let outside = |across: f64, plane: (f64, f64)| -p.z * plane.1 - across.abs() * plane.0 < -r;
-        if p.z > r || outside(p.x, self.right) || outside(p.y, self.top) {
+        let inside = |(n, origin): &(Vec3, f32)| n.dot(bound.centre) + origin >= -r;
+        // By no more than the block can bulge, some corner must be inside each side of the picture.
+        let reaches_in = |(n, origin): &(Vec3, f32)| {
+            let most = bound.low.dot(*n).max(bound.high.dot(*n));
+            most.max_element() + origin >= -bound.bulge_m
+        };
+        if !inside(&self.ahead)
+            || !self.sides.iter().all(inside)
+            || !self.sides.iter().all(reaches_in)
+        {
             return None;
         }
-        if self.all_outside_one_plane(bound) {
-            return None;
-        }
-        let scaled_r = r / self.occluder.z;
-        let top = 1.0 + (bound.height_max_m + WGS84_B_M - self.occluder.z) / self.occluder.z;
-        let reach = self.horizon + (top * top - 1.0).max(0.0).sqrt();
-        if (to / self.occluder).length() - scaled_r > reach {
+        let to = bound.centre + self.offset;
+        // Heights and lengths where the occluder is a unit sphere.
+        let unit = self.to_sphere.z;
+        let top = (bound.height_max_m - self.drop_m) * unit;
+        let reach = self.horizon + (top * (2.0 + top)).max(0.0).sqrt();
+        if (to * self.to_sphere).length() - r * unit > reach {
             return None;
         }
         let distance = to.length();
         // A surface higher than all of the block is at least the difference of heights away.
         let above = self.eye_height_m - bound.height_max_m;
         Some(Span {
-            near_m: (distance - r).max(above),
-            far_m: distance + r,
+            near_m: (distance - r).max(above).into(),
+            far_m: (distance + r).into(),
         })
-    }
-
-    /// Whether all corners lie outside one side of the picture by more than the block can bulge.
-    fn all_outside_one_plane(&self, bound: &Bound) -> bool {
-        let mut inside = [false; 4];
-        for &corner in &bound.corners {
-            let p = self.ecef_to_eye * (corner - self.eye);
-            let (x, y) = (p.x * self.right.0, p.y * self.top.0);
-            let (wide, high) = (-p.z * self.right.1, -p.z * self.top.1);
-            for (at, distance) in [wide - x, wide + x, high - y, high + y]
-                .into_iter()
-                .enumerate()
-            {
-                inside[at] |= distance >= -bound.bulge_m;
-            }
-        }
-        inside != [true; 4]
     }
 }
 
@@ -263,7 +324,9 @@ mod tests {
             // Beyond the horizon it may be dropped: keep points nearer than the tangent from the eye.
             let near = to.length() < (2.0 * 6.35e6 * h).sqrt();
             if inside && near {
-                let span = Viewer::new(&camera, 0.0).sees(&Bound::of(&patch));
+                // Counted from somewhere near, as a window's blocks are.
+                let origin = Geodetic::from_degrees(lat + 0.1, lon - 0.1, 0.0).to_ecef();
+                let span = Viewer::new(&camera, 0.0).from(origin).sees(&Bound::of(&patch, origin));
                 prop_assert!(span.is_some());
                 let span = span.expect("just seen");
                 prop_assert!(span.near_m <= to.length() && to.length() <= span.far_m);
@@ -283,11 +346,15 @@ mod tests {
             height_min_m: 0.0,
             height_max_m: top,
         };
-        let viewer = Viewer::new(&camera, 0.0);
+        let origin = camera.eye.to_ecef();
+        let viewer = Viewer::new(&camera, 0.0).from(origin);
         // At 222 km: the horizon of 100 m is 36 km (44 with the margin) off, that of 9000 m 339 km.
-        assert!(viewer.sees(&Bound::of(&patch(100.0))).is_none(), "plain");
         assert!(
-            viewer.sees(&Bound::of(&patch(9000.0))).is_some(),
+            viewer.sees(&Bound::of(&patch(100.0), origin)).is_none(),
+            "plain"
+        );
+        assert!(
+            viewer.sees(&Bound::of(&patch(9000.0), origin)).is_some(),
             "mountain"
         );
     }

@@ -449,6 +449,7 @@ const fn unsigned(count: i32) -> usize {
 mod tests {
     use super::*;
     use crate::terrain::grid::{Bounds, POSTS_PER_DEGREE, PostRect};
+    use crate::terrain::pack::LevelErrors;
 
     fn info(posts_per_degree: u32, rect: PostRect) -> PackInfo {
         let grid = Grid { posts_per_degree };
@@ -473,6 +474,7 @@ mod tests {
             void_posts: 0,
             water_posts: 0,
             bytes: 0,
+            level_errors: LevelErrors::default(),
         }
     }
 

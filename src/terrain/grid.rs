@@ -4,8 +4,8 @@
 //! in its own two angles ([`Partition`]), both of which stay within 26 degrees of 0, so that nothing wraps there.
 //!
 //! Level 0 posts stand at longitude `i / posts_per_degree` and latitude `j / posts_per_degree` degrees; (0, 0) is 0N 0E,
-//! i grows eastwards and j northwards. Post (i, j) of level l *is* level-0 post (i 2^l, j 2^l): coarse levels are point
-//! samples, so a post that several levels share has one height. Longitude wraps; i is stored in the half-open range
+//! i grows eastwards and j northwards. Post (i, j) of level l stands where level-0 post (i 2^l, j 2^l) does and has its height
+//! or, where the level would lose a summit, a greater one ([`crate::terrain::bake_raise`]). Longitude wraps; i is stored in the half-open range
 //! -180 to 180 degrees.
 
 use crate::limits::{LEVELS_MAX, TILE_POSTS};

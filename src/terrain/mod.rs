@@ -2,8 +2,8 @@
 //!
 //! On the bench: [`input`] reads elevation files, [`bake`] makes them one grid of posts ([`grid`]) in levels and tiles, and
 //! [`store`] writes the pack. In flight: [`pack`] reads tiles on the streaming thread ([`worker`]), [`surface`] makes texels
-//! of them, [`stream`] keeps what is resident following the eye ([`clipmap`]), and [`scene`] plans a frame: which levels,
-//! cut into which blocks ([`blocks`], [`cull`]), placed by which tables ([`tables`]); [`world`] has a scene for each
+//! of them, [`stream`] keeps what is resident following the eye ([`clipmap`]), and [`scene`] plans a frame: which levels, how
+//! far ([`reach`]), cut into which blocks ([`blocks`], [`cull`]), placed by which tables ([`tables`]); [`world`] has a scene for each
 //! [`partition`] of the Earth and chooses the one to draw. [`crate::gl::terrain`] draws it.
 
 pub mod archive;
@@ -12,6 +12,11 @@ pub mod bake_cap;
 pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
+mod bake_measure;
+mod bake_posts;
+mod bake_raise;
+mod bake_summits;
+mod bake_threads;
 pub mod blocks;
 pub mod clipmap;
 pub mod codec;
@@ -29,9 +34,11 @@ pub mod partition;
 mod plan;
 pub mod planet;
 pub mod raster;
+pub mod reach;
 mod rings;
 pub mod scene;
 pub mod silhouette;
+pub mod slices;
 pub mod store;
 pub mod stream;
 pub mod surface;

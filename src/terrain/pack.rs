@@ -1,14 +1,14 @@
 //! The pack: one file that holds a terrain's tiles, and its reader. The writer is [`crate::terrain::store`].
 //!
-//! # Format 2
+//! # Format 3
 //!
 //! Little endian throughout, no gaps. CRC is CRC-32/ISO-HDLC (zlib's). *Post coordinates* are those of level 0 of
 //! [`Grid`]; a rectangle is south, west, north, east, all inclusive, and its east may pass 180 degrees.
 //!
 //! | section | where |
 //! |---|---|
-//! | header | byte 0, 160 bytes |
-//! | stored tiles | from byte 160, one after the other ([`crate::terrain::codec`] says what is in them) |
+//! | header | byte 0, 736 bytes |
+//! | stored tiles | from byte 736, one after the other ([`crate::terrain::codec`] says what is in them) |
 //! | index | header's index offset up to the geoid offset: 40 bytes for each tile, sorted by partition, level, row, column |
 //! | geoid | up to the sources offset |
 //! | sources | up to the end of the file |
@@ -18,8 +18,8 @@
 //! | byte | type | what |
 //! |---|---|---|
 //! | 0 | 8 bytes | `GLASWPCK` |
-//! | 8 | u32 | format, 2 |
-//! | 12 | u32 | bytes of the header, 160 |
+//! | 8 | u32 | format, 3 |
+//! | 12 | u32 | bytes of the header, 736 |
 //! | 16 | u64 | bytes of the file |
 //! | 24 | u32 | posts per degree of level 0 |
 //! | 28 | u32 | number of levels |
@@ -32,7 +32,8 @@
 //! | 112, 120, 128 | 3 x u64 | offsets of index, geoid and sources |
 //! | 136, 140, 144 | 3 x u32 | their CRCs |
 //! | 148 | 8 bytes | zero |
-//! | 156 | u32 | CRC of bytes 0 to 155 |
+//! | 156 | 3 x 12 x 4 f32 | for each partition, for each level: `rms_m`, `max_m`, `low_m`, `summit_low_m` of [`LevelError`]; -1, -1, -1, -1 where the partition has no such level |
+//! | 732 | u32 | CRC of bytes 0 to 731 |
 //!
 //! Index entry:
 //!
@@ -42,7 +43,7 @@
 //! | 1 | u8 | partition: 0 geographic, 1 north cap, 2 south cap ([`Partition`]); 2 bytes of zero follow |
 //! | 4, 8 | i32, i32 | tile column, tile row |
 //! | 12, 14 | u16, u16 | lowest and highest quanta among all posts, filled ones too |
-//! | 16 | f32 | largest difference between a stored height and its source, metres; 0 for copied whole metres; on level 0 of a cap, between the surface that its heights span and the sources' posts |
+//! | 16 | f32 | largest difference between a stored height and its source, metres; 0 for copied whole metres. In a cap and on coarse levels: between the triangles of its cells and the finest geographic posts, with their own difference added |
 //! | 20, 22 | u16, u16 | void posts (posts outside every source too), water posts |
 //! | 24 | u64 | offset of the stored bytes |
 //! | 32, 36 | u32, u32 | their number and CRC |
@@ -51,11 +52,13 @@
 //! millimetres, southern row first, west first; the lowest i32 where there is none). Sources: their number (u32), and for
 //! each its rectangle (4 x i32) and its name (u16 length, UTF-8).
 //!
-//! Format 1 had no partitions and fewer levels; it is not read any more: packs are baked again from their sources.
+//! Format 1 had no partitions and fewer levels; the coarse levels of format 2 were copies of some posts of the finest, among
+//! which summits went missing. Neither is read any more: packs are baked again from their sources.
 //!
 //! Every byte of the file is under one of the checksums: a flipped bit is always found, when the pack is opened (header,
 //! index, geoid, sources) or when the tile it is in is read.
 
+use crate::limits::LEVELS_MAX;
 use crate::terrain::codec::{CodecError, Decoder, STORED_BYTES_MAX, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TileKey};
@@ -72,9 +75,9 @@ pub use crate::terrain::grid::{Bounds, PostRect};
 /// First bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"GLASWPCK";
 /// The format that this program writes, and the newest it reads.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 /// Bytes of the header.
-pub const HEADER_BYTES: usize = 160;
+pub const HEADER_BYTES: usize = 160 + 3 * LEVELS_MAX * 16;
 /// Bytes of an index entry.
 pub const ENTRY_BYTES: usize = 40;
 
@@ -120,9 +123,36 @@ pub struct PackInfo {
     pub water_posts: u64,
     /// Bytes of the file.
     pub bytes: u64,
+    /// How far its levels are from the data.
+    pub level_errors: LevelErrors,
 }
 
+/// How far the surface of a level, its triangles, is from the posts of the finest level; for a cap, from those of the
+/// geographic partition, which it was made from. Voids, and triangles with a void corner, are left out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LevelError {
+    /// Root mean square of the difference, metres.
+    pub rms_m: f32,
+    /// The largest difference either way, metres.
+    pub max_m: f32,
+    /// By how much the surface lies below a post at most, metres.
+    pub low_m: f32,
+    /// By how much it lies below a summit at most, metres: a measured post that no measured neighbour is higher than.
+    pub summit_low_m: f32,
+}
+
+/// What is known of the levels' errors, by partition and level; by default nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LevelErrors(pub [[Option<LevelError>; LEVELS_MAX]; 3]);
+
 impl PackInfo {
+    /// How far the surface of a level is from the data; `None` where there is no such level, or it is not known.
+    #[must_use]
+    pub fn level_error(&self, partition: Partition, level: u8) -> Option<LevelError> {
+        let levels = &self.level_errors.0[partition as usize];
+        *levels.get(usize::from(level))?
+    }
+
     /// Whether there are tiles of a partition.
     #[must_use]
     pub const fn has(&self, partition: Partition) -> bool {
@@ -137,8 +167,8 @@ pub struct TileHeader {
     pub min_m: f64,
     /// Highest orthometric height of a post (filled ones too), metres.
     pub max_m: f64,
-    /// Largest difference between a stored height and its source, metres; 0 for copied whole metres. On level 0 of a cap,
-    /// between the surface that its heights span (bilinear) and the sources' posts.
+    /// Largest difference between a stored height and its source, metres; 0 for copied whole metres. In a cap and on coarse
+    /// levels: between the triangles of its cells and the finest geographic posts, with their own difference added.
     pub max_error_m: f32,
     /// Void posts, those outside every source too.
     pub void_posts: u16,

@@ -5,7 +5,8 @@ use crate::limits::{LEVELS_MAX, TILE_POSTS};
 use crate::terrain::codec::STORED_BYTES_MAX;
 use crate::terrain::grid::{Grid, POSTS_PER_DEGREE, PostRect, TileKey};
 use crate::terrain::pack::{
-    ENTRY_BYTES, FORMAT, HEADER_BYTES, MAGIC, PackError, PackInfo, SourceInfo,
+    ENTRY_BYTES, FORMAT, HEADER_BYTES, LevelError, LevelErrors, MAGIC, PackError, PackInfo,
+    SourceInfo,
 };
 use crate::terrain::partition::Partition;
 use crc::{CRC_32_ISO_HDLC, Crc, Table};
@@ -48,16 +49,19 @@ impl Header {
         if wanted < MAGIC.len() || !bytes.starts_with(&MAGIC) {
             return Err(PackError::NotAPack);
         }
+        // What is cut shorter than the format's number has no format of its own.
+        if wanted >= 12 {
+            match u32_at(&bytes, 8) {
+                FORMAT => {}
+                newer if newer > FORMAT => return Err(PackError::Newer(newer)),
+                older => return Err(PackError::Older(older)),
+            }
+        }
         if wanted < HEADER_BYTES {
             return Err(PackError::CutShort {
                 have,
                 want: HEADER_BYTES as u64,
             });
-        }
-        match u32_at(&bytes, 8) {
-            FORMAT => {}
-            newer if newer > FORMAT => return Err(PackError::Newer(newer)),
-            older => return Err(PackError::Older(older)),
         }
         if CRC.checksum(&bytes[..HEADER_BYTES - 4]) != u32_at(&bytes, HEADER_BYTES - 4) {
             return Err(PackError::Damaged("header"));
@@ -100,6 +104,7 @@ impl Header {
             void_posts: u64_at(bytes, 96),
             water_posts: u64_at(bytes, 104),
             bytes: u64_at(bytes, 16),
+            level_errors: level_errors_at(bytes)?,
         };
         let offsets = [112, 120, 128].map(|at| u64_at(bytes, at));
         let in_order = offsets.is_sorted()
@@ -121,7 +126,7 @@ impl Header {
         let mut put = |at: usize, field: &[u8]| bytes[at..at + field.len()].copy_from_slice(field);
         put(0, &MAGIC);
         put(8, &FORMAT.to_le_bytes());
-        #[expect(clippy::cast_possible_truncation, reason = "160")]
+        #[expect(clippy::cast_possible_truncation, reason = "736")]
         put(12, &(HEADER_BYTES as u32).to_le_bytes());
         put(16, &i.bytes.to_le_bytes());
         put(24, &i.grid.posts_per_degree.to_le_bytes());
@@ -149,10 +154,56 @@ impl Header {
         for (at, crc) in [136, 140, 144].into_iter().zip(self.crcs) {
             put(at, &crc.to_le_bytes());
         }
+        for (at, error) in (LEVEL_ERRORS_AT..)
+            .step_by(16)
+            .zip(i.level_errors.0.as_flattened())
+        {
+            put(at, &level_error_bytes(*error));
+        }
         let crc = CRC.checksum(&bytes[..HEADER_BYTES - 4]);
         bytes[HEADER_BYTES - 4..].copy_from_slice(&crc.to_le_bytes());
         bytes
     }
+}
+
+/// Where the errors of the levels begin in the header.
+const LEVEL_ERRORS_AT: usize = 156;
+
+/// The number that stands in the place of an error that does not exist.
+const NO_ERROR: f32 = -1.0;
+
+fn level_error_bytes(error: Option<LevelError>) -> [u8; 16] {
+    let numbers = error.map_or([NO_ERROR; 4], |e| {
+        [e.rms_m, e.max_m, e.low_m, e.summit_low_m]
+    });
+    let mut bytes = [0; 16];
+    for (chunk, number) in bytes.chunks_exact_mut(4).zip(numbers) {
+        chunk.copy_from_slice(&number.to_le_bytes());
+    }
+    bytes
+}
+
+/// `None` where one is neither a height nor the number that stands for none.
+fn level_errors_at(bytes: &[u8]) -> Option<LevelErrors> {
+    let mut errors = LevelErrors::default();
+    for (at, error) in (LEVEL_ERRORS_AT..)
+        .step_by(16)
+        .zip(errors.0.as_flattened_mut())
+    {
+        let numbers = [0, 4, 8, 12].map(|field| f32::from_le_bytes(array_at(bytes, at + field)));
+        if numbers.iter().all(|n| n.is_finite() && *n >= 0.0) {
+            let [rms_m, max_m, low_m, summit_low_m] = numbers;
+            *error = Some(LevelError {
+                rms_m,
+                max_m,
+                low_m,
+                summit_low_m,
+            });
+        } else if numbers.map(f32::to_bits) != [NO_ERROR.to_bits(); 4] {
+            return None;
+        }
+    }
+    Some(errors)
 }
 
 fn array_at<const N: usize>(bytes: &[u8], at: usize) -> [u8; N] {

@@ -1,8 +1,9 @@
 //! What a [`super::scene::Scene`] hands to whoever draws a frame: its plan, and figures of it.
 
 use super::blocks::Block;
-use super::clipmap::{Morph, Window};
+use super::clipmap::{Extent, Morph, Window};
 use super::partition::Partition;
+use super::slices::Slices;
 use super::surface::DamageCounts;
 use super::tables::Entry;
 use crate::limits::LEVELS_MAX;
@@ -10,22 +11,33 @@ use crate::units::Radians;
 use arrayvec::ArrayVec;
 
 /// A level as it is drawn.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct LevelPlan {
     /// Which level.
     pub level: u8,
-    /// Where its window stands.
+    /// What is drawn of it begins at this post, the origin of its blocks; its resident window may begin before that.
     pub window: Window,
+    /// Cells a side of what is drawn of it.
+    pub cells: i32,
     /// How it blends into the next.
     pub morph: Morph,
     /// Whether the next coarser level is drawn too.
     pub has_coarser: bool,
     /// Its blocks: the first in [`Plan::blocks`], and how many.
     pub blocks: (usize, usize),
-    /// Clip z is the first times clip w plus the second.
-    pub depth: (f32, f32),
-    /// Its slice of the depth buffer.
-    pub slice: (f32, f32),
+    /// The same blocks by slices of the depth buffer, nearest first.
+    pub slices: Slices,
+}
+
+impl LevelPlan {
+    /// What is drawn of it.
+    #[must_use]
+    pub const fn extent(&self) -> Extent {
+        Extent {
+            window: self.window,
+            cells: self.cells,
+        }
+    }
 }
 
 /// All that drawing a frame needs. Positions are metres, Earth-centred axes, counted from the eye.
@@ -35,7 +47,8 @@ pub struct Plan {
     pub levels: ArrayVec<LevelPlan, LEVELS_MAX>,
     /// Their blocks.
     pub blocks: Vec<Block>,
-    /// Two rows of as many entries as a torus has texels for each level of the pack: columns, then rows.
+    /// Two rows of as many entries as a torus has texels for each level of the pack: columns, then rows. A post's entry is
+    /// where its texel is.
     pub tables: Vec<Entry>,
     /// Changes when `tables` does.
     pub tables_version: u32,
@@ -64,7 +77,7 @@ pub struct FrameFigures {
     pub partition: Option<Partition>,
     /// Finest and coarsest level drawn.
     pub levels: Option<(u8, u8)>,
-    /// Finest and coarsest level wanted.
+    /// Finest and coarsest level wanted for drawing.
     pub levels_wanted: (u8, u8),
     /// Terrain texels uploaded.
     pub uploads_texels: usize,

@@ -7,7 +7,7 @@
 
 use super::codec::{SurfaceKind, Tile};
 use super::grid::{Grid, TILE_SIDE, TileKey};
-use super::pack::{Bounds, PackInfo, PostRect, TileError, TileReader};
+use super::pack::{Bounds, LevelErrors, PackInfo, PostRect, TileError, TileReader};
 use super::partition::Partition;
 use super::surface::TileSource;
 use super::synth_noise::hash;
@@ -97,6 +97,7 @@ impl Planet {
                 void_posts: 0,
                 water_posts: 0,
                 bytes: 0,
+                level_errors: LevelErrors::default(),
             },
         }
     }
@@ -112,12 +113,32 @@ impl Planet {
     #[must_use]
     pub fn height(&self, n: DVec3) -> (f64, SurfaceKind) {
         match self.kind {
-            Kind::Earth => earth(n),
+            Kind::Earth => earth(n, &mut Held::default()),
             Kind::Cliffs => (self.cliffs(n), SurfaceKind::Land),
             Kind::Sea => (0.0, SurfaceKind::Water),
             Kind::Void => (0.0, SurfaceKind::Void),
             Kind::Plain(height) => (f64::from(height), SurfaceKind::Land),
         }
+    }
+
+    /// The longitude on a parallel where the ground is roughest, all of it land for 20 km around; degrees.
+    #[must_use]
+    pub fn mountains_deg(&self, latitude_deg: f64) -> f64 {
+        let narrow = latitude_deg.to_radians().cos().max(0.02);
+        let rough = |lon: f64| {
+            let near = |k: i32| {
+                let (east, north) = (0.06 * f64::from(k % 7 - 3), 0.06 * f64::from(k / 7 - 3));
+                self.height(Partition::Geographic.normal(lon + east / narrow, latitude_deg + north))
+            };
+            let is_land = (0..49).all(|k| near(k).1 == SurfaceKind::Land);
+            let heights = || (0..49).map(|k| near(k).0);
+            is_land.then(|| heights().fold(f64::MIN, f64::max) - heights().fold(f64::MAX, f64::min))
+        };
+        let longitudes = (-180..180).map(f64::from);
+        let found = longitudes.map(|lon| (rough(lon).unwrap_or(0.0), lon));
+        found
+            .fold((0.0, 0.0), |a, b| if b.0 > a.0 { b } else { a })
+            .1
     }
 
     fn cliffs(&self, n: DVec3) -> f64 {
@@ -135,15 +156,19 @@ const MEAN_RADIUS_M: f64 = 6_371_008.8;
 /// Wavelength of the first octave, metres, and its amplitude, metres.
 const FIRST_OCTAVE: (f64, f64) = (120_000.0, 3600.0);
 /// Octaves; each has half the wavelength and 0.52 of the amplitude of the one before: the last has 470 m and 20 m.
-const OCTAVES: u64 = 9;
+const OCTAVES: usize = 9;
 /// Highest ground of the noise, metres.
 const NOISE_MAX_M: f64 = 6500.0;
 
-fn earth(n: DVec3) -> (f64, SurfaceKind) {
+/// The corners that noise was last blended from, for each octave and the voids: neighbouring posts mostly share them.
+type Held = [Lattice; OCTAVES + 1];
+
+fn earth(n: DVec3, held: &mut Held) -> (f64, SurfaceKind) {
+    let [octaves @ .., voids] = held;
     let mut height = -500.0;
     let (mut wavelength, mut amplitude) = FIRST_OCTAVE;
-    for octave in 0..OCTAVES {
-        height += amplitude * noise(n * (MEAN_RADIUS_M / wavelength), octave);
+    for (octave, held) in (0_u64..).zip(octaves) {
+        height += amplitude * held.noise(n * (MEAN_RADIUS_M / wavelength), octave);
         wavelength *= 0.5;
         amplitude *= 0.52;
     }
@@ -156,7 +181,7 @@ fn earth(n: DVec3) -> (f64, SurfaceKind) {
     let raised = (land - height.max(0.0)).abs() > 0.0;
     let kind = if is_sea && !raised {
         SurfaceKind::Water
-    } else if noise(n * (MEAN_RADIUS_M / 40_000.0), 99) > 0.62 {
+    } else if voids.noise(n * (MEAN_RADIUS_M / 40_000.0), 99) > 0.62 {
         SurfaceKind::Void
     } else {
         SurfaceKind::Land
@@ -176,16 +201,41 @@ fn nearness(n: DVec3, (latitude_deg, longitude_deg): (f64, f64), reach_m: f64) -
     (1.0 - d * d).powi(2)
 }
 
-/// Noise in space by trilinear blending of a number at every corner of a unit lattice, -1 to 1.
-fn noise(p: DVec3, seed: u64) -> f64 {
-    let cell = p.floor();
-    let t = p - cell;
-    let s = t * t * (DVec3::splat(3.0) - 2.0 * t);
-    let corner = |dx: f64, dy: f64, dz: f64| unit(cell_hash(cell + DVec3::new(dx, dy, dz), seed));
-    let mix = |a: f64, b: f64, s: f64| a + (b - a) * s;
-    let edge = |dy: f64, dz: f64| mix(corner(0.0, dy, dz), corner(1.0, dy, dz), s.x);
-    let face = |dz: f64| mix(edge(0.0, dz), edge(1.0, dz), s.y);
-    mix(face(0.0), face(1.0), s.z)
+/// A cell of a unit lattice with a number at each corner, of one seed.
+#[derive(Clone, Copy, Debug)]
+struct Lattice {
+    cell: DVec3,
+    corners: [f64; 8],
+}
+
+impl Default for Lattice {
+    /// No cell.
+    fn default() -> Self {
+        Self {
+            cell: DVec3::NAN,
+            corners: [0.0; 8],
+        }
+    }
+}
+
+impl Lattice {
+    /// Noise in space by trilinear blending of the numbers around a point, -1 to 1.
+    fn noise(&mut self, p: DVec3, seed: u64) -> f64 {
+        let cell = p.floor();
+        if cell != self.cell {
+            self.cell = cell;
+            for (k, corner) in (0_u8..).zip(&mut self.corners) {
+                let at = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2));
+                *corner = unit(cell_hash(cell + at, seed));
+            }
+        }
+        let t = p - cell;
+        let s = t * t * (DVec3::splat(3.0) - 2.0 * t);
+        let mix = |a: f64, b: f64, s: f64| a + (b - a) * s;
+        let edge = |k: usize| mix(self.corners[k], self.corners[k + 1], s.x);
+        let face = |k: usize| mix(edge(k), edge(k + 2), s.y);
+        mix(face(0), face(4), s.z)
+    }
 }
 
 #[expect(
@@ -244,13 +294,17 @@ impl TileSource for Planet {
             return Err(TileError::Absent);
         }
         let grid = self.info.grid;
+        let mut held = Held::default();
         for row in key.south()..key.south() + TILE_SIDE {
             for column in key.west()..key.west() + TILE_SIDE {
                 let n = key.partition.normal(
                     grid.longitude_deg(key.level, column),
                     grid.latitude_deg(key.level, row),
                 );
-                let (height_m, kind) = self.height(n);
+                let (height_m, kind) = match self.kind {
+                    Kind::Earth => earth(n, &mut held),
+                    _ => self.height(n),
+                };
                 let at = TileKey::index_of(column, row);
                 tile.quanta[at] = quanta(height_m);
                 tile.kind[at] = kind;
@@ -272,6 +326,25 @@ fn quanta(height_m: f64) -> u16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn mountains_are_found_on_every_parallel_that_is_flown() {
+        let planet = Planet::new(Kind::Earth, 1200);
+        for latitude_deg in [45.0, 46.5, 60.25, 70.25] {
+            let longitude_deg = planet.mountains_deg(latitude_deg);
+            let at = |k: f64| {
+                let n = Partition::Geographic.normal(longitude_deg, latitude_deg + 0.01 * k);
+                planet.height(n)
+            };
+            let heights = (-15..15).map(|k| at(f64::from(k)).0);
+            let (low, high) = heights.fold((f64::MAX, f64::MIN), |r, h| (r.0.min(h), r.1.max(h)));
+            assert!(
+                high - low > 800.0,
+                "{latitude_deg}: {low} to {high} m at {longitude_deg}"
+            );
+            assert_eq!(at(0.0).1, SurfaceKind::Land, "{latitude_deg}");
+        }
+    }
 
     #[test]
     fn the_planet_reaches_from_the_lowest_to_the_highest_land_and_has_sea_and_voids() {

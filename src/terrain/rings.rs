@@ -2,20 +2,20 @@
 //! a picture: inside its sides, before the horizon, and not behind nearer ground ([`super::silhouette`]).
 
 use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
-use super::clipmap::{self, CellRect, Shape, Window};
+use super::clipmap::{self, CellRect, Extent, Shape};
 use super::cull::{Bound, Patch, Span, Viewer};
 use super::grid::Grid;
 use super::partition::Partition;
 use super::plan::{LevelPlan, Plan};
-use super::silhouette::{Lattice, Silhouette, Tops};
+use super::silhouette::{LINES_MAX, Lattice, Silhouette, Tops};
+use super::slices::{self, Core, Cut};
 use super::stream::Streamer;
 use super::tables::HeightCode;
 use crate::geo::Camera;
-use crate::geo::WGS84_A_M;
+use crate::geo::{WGS84_A_M, WGS84_B_M};
 use crate::limits::LEVELS_MAX;
-
-/// Nothing is drawn nearer to the eye, metres.
-const NEAR_MIN_M: f64 = 0.2;
+use glam::DVec3;
+use std::ops::Range;
 
 /// Where the terrain of a scene stands, and its heights.
 #[derive(Clone, Copy, Debug)]
@@ -25,19 +25,39 @@ pub(super) struct Ground<'a> {
     pub levels: u8,
     pub heights: HeightCode,
     pub shape: Shape,
+    /// The eye's post position on level 0.
+    pub eye_posts: (f64, f64),
     pub streamer: &'a Streamer,
 }
 
 /// A level's blocks with their bounds.
 #[derive(Debug)]
 struct Ring {
-    key: Option<(Window, Option<CellRect>)>,
+    key: Option<(Extent, Option<CellRect>)>,
     version: u32,
     blocks: Blocks,
-    bounds: Vec<Bound>,
-    tops_m: Vec<Tops>,
-    /// Around the blocks that stand together: one past the last, and their bound.
-    groups: Vec<(u16, Bound)>,
+    /// What bounds are counted from: the middle of the window.
+    origin: DVec3,
+    /// Of each block; right from when its group has been in the picture's sides.
+    laid: Vec<Option<Laid>>,
+    groups: Vec<Group>,
+    /// Which lines of each block are worth following, as [`lines_of`] numbers them: rows and columns.
+    useful: Vec<[u16; 2]>,
+}
+
+/// What is known of a block.
+#[derive(Clone, Copy, Debug)]
+struct Laid {
+    bound: Bound,
+    tops_m: Tops,
+}
+
+/// Blocks that stand together: one past the last, and their bound.
+#[derive(Clone, Copy, Debug)]
+struct Group {
+    end: u16,
+    bound: Bound,
+    is_laid: bool,
 }
 
 impl Ring {
@@ -46,10 +66,22 @@ impl Ring {
             key: None,
             version: 0,
             blocks: Blocks::new(),
-            bounds: Vec::with_capacity(BLOCKS_MAX),
-            tops_m: Vec::with_capacity(BLOCKS_MAX),
+            origin: DVec3::ZERO,
+            laid: vec![None; BLOCKS_MAX],
             groups: Vec::with_capacity(BLOCKS_MAX),
+            useful: vec![[ALL_LINES; 2]; BLOCKS_MAX],
         }
+    }
+}
+
+impl Ring {
+    /// How far a block reaches above or below a height, metres.
+    fn rise_m(&self, block: u16, height_m: f64) -> f64 {
+        self.laid[usize::from(block)].map_or(f64::INFINITY, |laid| {
+            let (low_m, high_m) = laid.bound.heights_m();
+            let (low_m, high_m) = (f64::from(low_m), f64::from(high_m));
+            (height_m - low_m).abs().max((height_m - high_m).abs())
+        })
     }
 }
 
@@ -60,10 +92,18 @@ struct Candidate {
     at: u8,
     block: u16,
     span: Span,
-    near_m: f64,
-    far_m: f64,
-    lattice: Lattice,
     is_hidden: bool,
+}
+
+/// Something far away or near, to be sorted: bits of a distance that is not negative, and which candidate.
+type Far = (u32, u16);
+
+/// A line that has been followed: of which candidate, along columns or not, and its number there.
+#[derive(Clone, Copy, Debug)]
+struct Followed {
+    candidate: u16,
+    northward: bool,
+    bit: u16,
 }
 
 /// See the module.
@@ -71,9 +111,15 @@ struct Candidate {
 pub(super) struct Rings {
     rings: Vec<Ring>,
     candidates: Vec<Candidate>,
-    by_near: Vec<u16>,
-    by_far: Vec<u16>,
+    lattices: Vec<Lattice>,
+    by_near: Vec<Far>,
+    by_far: Vec<Far>,
+    followed: Vec<Followed>,
+    /// The candidates that are drawn: level of the plan, bits of their distance, number.
+    drawn: Vec<(u8, u32, u16)>,
     silhouette: Silhouette,
+    /// Counts frames, for taking turns.
+    turn: u16,
 }
 
 impl Rings {
@@ -83,48 +129,50 @@ impl Rings {
                 .take(usize::from(levels))
                 .collect(),
             candidates: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
+            lattices: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             by_near: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             by_far: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
+            followed: Vec::with_capacity(LINES_MAX),
+            drawn: Vec::with_capacity(LEVELS_MAX * BLOCKS_MAX),
             silhouette: Silhouette::default(),
+            turn: 0,
         }
     }
 
     /// Cuts each level's ring into blocks and bounds them, where anything has changed.
     pub(super) fn lay(&mut self, ground: &Ground<'_>, levels: &[LevelPlan]) {
         let shape = ground.shape;
-        let mut finer: Option<Window> = None;
+        let mut finer: Option<Extent> = None;
         for plan in levels {
-            let hole = finer.and_then(|w| clipmap::hole(shape, plan.window, &plan.morph, w));
-            finer = Some(plan.window);
+            let hole = finer.and_then(|f| clipmap::hole(plan.extent(), &plan.morph, f));
+            finer = Some(plan.extent());
             let ring_of = &mut self.rings[usize::from(plan.level)];
-            let key = Some((plan.window, hole));
+            let key = Some((plan.extent(), hole));
             let version = ground.streamer.version(plan.level);
             if ring_of.key == key && ring_of.version == version {
                 continue;
             }
             let rows = ground.rows(plan);
-            if ring_of.key != key && !ring(shape, hole, rows, &mut ring_of.blocks) {
+            if ring_of.key != key && !ring(shape, plan.cells, hole, rows, &mut ring_of.blocks) {
                 debug_assert!(false, "a ring of more than {BLOCKS_MAX} blocks");
             }
             ring_of.key = key;
             ring_of.version = version;
-            ring_of.bounds.clear();
-            ring_of.tops_m.clear();
-            for &block in &ring_of.blocks {
-                ring_of.tops_m.push(ground.tops_m(plan, block));
-                ring_of.bounds.push(ground.bound(plan, block));
-            }
+            ring_of.origin = ground.middle(plan);
             ring_of.groups.clear();
             let mut first = 0;
             while let Some((end, rect)) = group(&ring_of.blocks, first) {
-                let end = u16::try_from(end).unwrap_or(u16::MAX);
-                ring_of.groups.push((end, ground.bound(plan, rect)));
-                first = end.into();
+                ring_of.groups.push(Group {
+                    end: u16::try_from(end).unwrap_or(u16::MAX),
+                    bound: ground.bound(plan, rect, ring_of.origin),
+                    is_laid: false,
+                });
+                first = end;
             }
         }
     }
 
-    /// Puts the blocks that the camera can see into the plan, and gives each level its slice of depth. No terrain is lower
+    /// Puts the blocks that the camera can see into the plan, and shares out the depths. No terrain is lower
     /// than `height_min_m`. `is_above_ground`: see [`Silhouette::begin`].
     pub(super) fn cut(
         &mut self,
@@ -135,7 +183,7 @@ impl Rings {
         plan: &mut Plan,
     ) {
         self.silhouette.begin(camera, is_above_ground);
-        self.find(&Viewer::new(camera, height_min_m), &plan.levels);
+        self.find(ground, &Viewer::new(camera, height_min_m), &plan.levels);
         if self.silhouette.is_used() {
             self.hide(ground, &plan.levels);
         }
@@ -145,118 +193,171 @@ impl Rings {
         let along = f / (f * f + (w * w + h * h) / 4.0).sqrt();
         plan.blocks.clear();
         plan.triangles = 0;
-        let mut candidates = self.candidates.iter().peekable();
-        let coarser = plan.levels.len().saturating_sub(1).max(1);
+        self.order();
+        let mut drawn = self.drawn.iter().peekable();
+        let eye_m = camera.eye.height_ellipsoid.0;
         for (at, level) in plan.levels.iter_mut().enumerate() {
             let ring = &self.rings[usize::from(level.level)];
+            let mut cut = Cut::of((at == 0).then(|| ground.core(level)));
             let first = plan.blocks.len();
-            let mut all: Option<Span> = None;
-            while let Some(c) = candidates.next_if(|c| usize::from(c.at) == at) {
-                if c.is_hidden {
-                    continue;
-                }
+            while let Some((_, _, c)) = drawn.next_if(|c| usize::from(c.0) == at) {
+                let c = &self.candidates[usize::from(*c)];
                 let block = ring.blocks[usize::from(c.block)];
-                plan.blocks.push(block);
                 plan.triangles += block.triangles();
-                let so_far = all.unwrap_or(c.span);
-                all = Some(Span {
-                    near_m: so_far.near_m.min(c.span.near_m),
-                    far_m: so_far.far_m.max(c.span.far_m),
-                });
+                cut.push(block, c.span, ring.rise_m(c.block, eye_m), &mut plan.blocks);
             }
+            level.slices = cut.finish(along, first, &mut plan.blocks);
             level.blocks = (first, plan.blocks.len() - first);
-            let span = all.unwrap_or(Span {
-                near_m: 1.0,
-                far_m: 2.0,
-            });
-            level.depth = depth(along * span.near_m, span.far_m);
-            level.slice = slice(at, coarser);
         }
+        slices::share_out(&mut plan.levels);
+    }
+
+    /// Lists what is drawn, level by level, in each the nearest first: what it covers is rejected before it is coloured.
+    fn order(&mut self) {
+        self.drawn.clear();
+        let shown = (0..).zip(&self.candidates).filter(|(_, c)| !c.is_hidden);
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "it only says which is nearer"
+        )]
+        let near = |c: &Candidate| (c.span.near_m.max(0.0) as f32).to_bits();
+        self.drawn
+            .extend(shown.map(|(number, c)| (c.at, near(c), number)));
+        self.drawn.sort_unstable();
     }
 
     /// Lists the blocks inside the picture's sides and before the horizon, level by level.
-    fn find(&mut self, viewer: &Viewer, levels: &[LevelPlan]) {
+    fn find(&mut self, ground: &Ground<'_>, viewer: &Viewer, levels: &[LevelPlan]) {
         self.candidates.clear();
+        self.lattices.clear();
+        self.by_near.clear();
+        self.by_far.clear();
         for (at, plan) in (0..).zip(levels) {
-            let ring = &self.rings[usize::from(plan.level)];
+            let ring = &mut self.rings[usize::from(plan.level)];
+            let viewer = viewer.from(ring.origin);
+            let offset = self.silhouette.offset(ring.origin);
             let mut first = 0;
-            for (end, around) in &ring.groups {
-                let blocks = first..*end;
-                first = *end;
-                if viewer.sees(around).is_none() {
+            for of in 0..ring.groups.len() {
+                let group = ring.groups[of];
+                let blocks = first..group.end;
+                first = group.end;
+                if viewer.sees(&group.bound).is_none() {
                     continue;
                 }
+                if !group.is_laid {
+                    ground.lay(ring, plan, blocks.clone());
+                    ring.groups[of].is_laid = true;
+                }
                 for block in blocks {
-                    let bound = &ring.bounds[usize::from(block)];
+                    let Some(Laid { bound, .. }) = &ring.laid[usize::from(block)] else {
+                        continue;
+                    };
                     let Some(span) = viewer.sees(bound) else {
                         continue;
                     };
-                    let lattice = self.silhouette.lattice(bound);
-                    let (near_m, far_m) = lattice.distances_m(bound.bulge_m());
+                    #[expect(clippy::cast_possible_truncation, reason = "below 12 x 2704")]
+                    let number = self.candidates.len() as u16;
                     self.candidates.push(Candidate {
                         at,
                         block,
                         span,
-                        near_m,
-                        far_m,
-                        lattice,
                         is_hidden: false,
                     });
+                    if self.silhouette.is_used() {
+                        let lattice = self.silhouette.lattice(bound, offset);
+                        let (near_m, far_m) = lattice.distances_m();
+                        self.lattices.push(lattice);
+                        self.by_near.push((near_m.to_bits(), number));
+                        self.by_far.push((far_m.to_bits(), number));
+                    }
                 }
             }
         }
     }
 
-    /// Marks the blocks that lie behind others: each is held against the lines of all that are wholly nearer.
+    /// Marks the blocks that lie behind others: each is held against lines of those that are wholly nearer.
+    ///
+    /// Which lines is for experience to say: those that have hidden something when all lines of their block were last
+    /// followed, which each block has its turn for.
     fn hide(&mut self, ground: &Ground<'_>, levels: &[LevelPlan]) {
-        let all = || (0..).take(self.candidates.len());
-        let candidates = &self.candidates;
-        let near = |&c: &u16| candidates[usize::from(c)].near_m;
-        let far = |&c: &u16| candidates[usize::from(c)].far_m;
-        self.by_near.clear();
-        self.by_near.extend(all());
-        self.by_near
-            .sort_unstable_by(|a, b| near(a).total_cmp(&near(b)));
-        self.by_far.clear();
-        self.by_far.extend(all());
-        self.by_far
-            .sort_unstable_by(|a, b| far(a).total_cmp(&far(b)));
-        let mut nearer = self.by_far.iter().peekable();
-        for &c in &self.by_near {
-            let near_m = self.candidates[usize::from(c)].near_m;
-            while let Some(&n) =
-                nearer.next_if(|&&n| self.candidates[usize::from(n)].far_m <= near_m)
-            {
-                let n = &self.candidates[usize::from(n)];
-                if n.is_hidden {
-                    continue;
+        self.by_near.sort_unstable();
+        self.by_far.sort_unstable();
+        self.followed.clear();
+        self.turn = self.turn.wrapping_add(1);
+        let mut nearer = 0;
+        for at in 0..self.by_near.len() {
+            let (near, this) = self.by_near[at];
+            while let Some(&(_, n)) = self.by_far.get(nearer).filter(|(far, _)| *far <= near) {
+                nearer += 1;
+                if !self.candidates[usize::from(n)].is_hidden {
+                    self.follow(ground, levels, n);
                 }
-                let level = &levels[usize::from(n.at)];
-                let ring = &self.rings[usize::from(level.level)];
-                let (block, bound) = (
-                    ring.blocks[usize::from(n.block)],
-                    &ring.bounds[usize::from(n.block)],
-                );
-                ground.draw_lines(&mut self.silhouette, level, block, bound, &n.lattice);
             }
-            let this = &self.candidates[usize::from(c)];
-            let ring = &self.rings[usize::from(levels[usize::from(this.at)].level)];
-            let bound = &ring.bounds[usize::from(this.block)];
-            let tops_m = &ring.tops_m[usize::from(this.block)];
-            let lattice = self.silhouette.lattice(bound);
-            let is_hidden = self.silhouette.hides(&lattice, bound.bulge_m())
-                || self
-                    .silhouette
-                    .hides_parts(&lattice, tops_m, bound.bulge_m());
-            self.candidates[usize::from(c)].is_hidden = is_hidden;
+            let this = usize::from(this);
+            let candidate = &mut self.candidates[this];
+            let ring = &self.rings[usize::from(levels[usize::from(candidate.at)].level)];
+            candidate.is_hidden = ring.laid[usize::from(candidate.block)]
+                .as_ref()
+                .is_some_and(|laid| self.silhouette.hides(&self.lattices[this], &laid.tops_m));
+        }
+        for (line, _) in self
+            .followed
+            .iter()
+            .zip(self.silhouette.earned())
+            .filter(|(_, earned)| **earned)
+        {
+            let candidate = &self.candidates[usize::from(line.candidate)];
+            let ring = &mut self.rings[usize::from(levels[usize::from(candidate.at)].level)];
+            ring.useful[usize::from(candidate.block)][usize::from(line.northward)] |= line.bit;
+        }
+    }
+
+    /// Adds lines of a candidate's posts to the silhouette.
+    fn follow(&mut self, ground: &Ground<'_>, levels: &[LevelPlan], number: u16) {
+        let candidate = &self.candidates[usize::from(number)];
+        let level = &levels[usize::from(candidate.at)];
+        let ring = &mut self.rings[usize::from(level.level)];
+        let lattice = &self.lattices[usize::from(number)];
+        let northward = lattice.prefers_columns();
+        let useful = &mut ring.useful[usize::from(candidate.block)][usize::from(northward)];
+        let has_turn = candidate.block % TURNS == self.turn % TURNS;
+        let wanted = if has_turn { ALL_LINES } else { *useful };
+        if wanted == ALL_LINES {
+            *useful = 0;
+        }
+        let block = ring.blocks[usize::from(candidate.block)];
+        for (at, bit) in lines_of(level, block, northward) {
+            if wanted & bit != 0
+                && ground.draw_line(&mut self.silhouette, level, block, lattice, (at, northward))
+            {
+                self.followed.push(Followed {
+                    candidate: number,
+                    northward,
+                    bit,
+                });
+            }
         }
     }
 }
 
 impl Ground<'_> {
-    /// The first and one past the last row of cells that are drawn of a level, from the window's origin.
+    /// The cells around the eye.
+    fn core(&self, plan: &LevelPlan) -> Core {
+        let scale = f64::from(1_u32 << plan.level);
+        let (x, y) = (self.eye_posts.0 / scale, self.eye_posts.1 / scale);
+        let cell_deg = self.grid.spacing_deg(plan.level);
+        // Cells are narrowest on the side towards the pole, two of them away.
+        let latitude = (y.abs() + 2.0) * cell_deg;
+        Core::around(
+            (x - f64::from(plan.window.i), y - f64::from(plan.window.j)),
+            cell_deg.to_radians() * WGS84_B_M,
+            latitude.to_radians().cos().max(0.0),
+        )
+    }
+
+    /// The first and one past the last row of cells that are drawn of a level, from its origin.
     fn rows(&self, plan: &LevelPlan) -> (i32, i32) {
-        let cells = self.shape.cells();
+        let cells = plan.cells;
         match self.partition {
             Partition::Geographic => {
                 let limit = clipmap::row_limit(self.grid, self.levels, plan.level);
@@ -269,26 +370,54 @@ impl Ground<'_> {
         }
     }
 
+    /// The middle of a window, where bounds are counted from.
+    fn middle(&self, plan: &LevelPlan) -> DVec3 {
+        let half = plan.cells / 2;
+        self.partition.ecef(
+            self.grid.longitude_deg(plan.level, plan.window.i + half),
+            self.grid.latitude_deg(plan.level, plan.window.j + half),
+            0.0,
+        )
+    }
+
+    /// Finds out about blocks of a ring.
+    fn lay(&self, ring: &mut Ring, plan: &LevelPlan, blocks: Range<u16>) {
+        for at in blocks.map(usize::from) {
+            let block = ring.blocks[at];
+            ring.laid[at] = Some(Laid {
+                bound: self.bound(plan, block, ring.origin),
+                tops_m: self.tops_m(plan, block),
+            });
+        }
+    }
+
+    /// By how many posts a corner of a block may be drawn to the west and to the south of it: on the window's outer edge one
+    /// on an odd post is drawn at the even one before.
+    fn overhang(&self, plan: &LevelPlan, block: Block) -> (i32, i32) {
+        let cells = plan.cells;
+        let at_side = block.west == 0 || i32::from(block.east) == cells;
+        let at_end = block.south == 0 || i32::from(block.north) == cells;
+        let odd = |first: i32, from_origin: i16| (first + i32::from(from_origin)).rem_euclid(2);
+        (
+            i32::from(at_end) * odd(plan.window.i, block.west),
+            i32::from(at_side) * odd(plan.window.j, block.south),
+        )
+    }
+
     /// Around a block, from the extremes of its heights.
-    fn bound(&self, plan: &LevelPlan, block: Block) -> Bound {
+    fn bound(&self, plan: &LevelPlan, block: Block, origin: DVec3) -> Bound {
         let (west, south) = (
             plan.window.i + i32::from(block.west),
             plan.window.j + i32::from(block.south),
         );
         let (width, height) = (block.width(), block.height());
-        // On the window's outer edge a corner on an odd post is drawn at the even one before it, one cell beyond the block.
-        let cells = self.shape.cells();
-        let at_side = block.west == 0 || i32::from(block.east) == cells;
-        let at_end = block.south == 0 || i32::from(block.north) == cells;
-        let more_west = i32::from(at_end) * west.rem_euclid(2);
-        let more_south = i32::from(at_side) * south.rem_euclid(2);
+        let (more_west, more_south) = self.overhang(plan, block);
         let (low, high) = self.streamer.extremes(
             plan.level,
             (west - more_west, south - more_south),
             (width + more_west, height + more_south),
         );
-        let cell_m = self.grid.spacing_deg(plan.level).to_radians() * WGS84_A_M;
-        let bound = Bound::of(&Patch {
+        let patch = Patch {
             partition: self.partition,
             south_deg: self.grid.latitude_deg(plan.level, south),
             west_deg: self.grid.longitude_deg(plan.level, west),
@@ -296,72 +425,90 @@ impl Ground<'_> {
             east_deg: self.grid.longitude_deg(plan.level, west + width),
             height_min_m: self.heights.decode(low),
             height_max_m: self.heights.decode(high),
-        });
-        bound.widened(cell_m * f64::from(more_west.max(more_south)))
+        };
+        let cell_m = self.grid.spacing_deg(plan.level).to_radians() * WGS84_A_M;
+        #[expect(clippy::cast_possible_truncation, reason = "a length")]
+        let over_m = (cell_m * f64::from(more_west.max(more_south))) as f32;
+        Bound::of(&patch, origin).widened(over_m)
     }
 
     /// The tops of a block's quarters.
     fn tops_m(&self, plan: &LevelPlan, block: Block) -> Tops {
         let west = plan.window.i + i32::from(block.west);
         let south = plan.window.j + i32::from(block.south);
+        let (more_west, more_south) = self.overhang(plan, block);
         // The posts of half a side, with those on its ends.
-        let half = |first: i32, cells: i32, k: i32| {
-            (first + cells * k / 2, first + (cells * (k + 1) + 1) / 2)
+        let half = |first: i32, cells: i32, k: i32, more: i32| {
+            (
+                first + cells * k / 2 - more,
+                first + (cells * (k + 1) + 1) / 2,
+            )
         };
-        [0, 1].map(|row| {
-            let (from_j, to_j) = half(south, block.height(), row);
-            [0, 1].map(|column| {
-                let (from_i, to_i) = half(west, block.width(), column);
-                let code = self
-                    .streamer
-                    .top_code(plan.level, (from_i, from_j), (to_i, to_j));
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    reason = "metres; a centimetre is added"
-                )]
-                let top_m = self.heights.decode(code) as f32;
-                top_m + 0.01
-            })
+        [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(row, column)| {
+            let (from_j, to_j) = half(south, block.height(), row, more_south);
+            let (from_i, to_i) = half(west, block.width(), column, more_west);
+            let (from, to) = ((from_i, from_j), (to_i, to_j));
+            self.metres(self.streamer.top_code(plan.level, from, to)) + 0.01
         })
     }
 
-    /// Adds lines of a block's posts to a silhouette: some of its even rows or columns, whose edges are drawn at any blend.
-    fn draw_lines(
+    /// Of a height code, to within half a millimetre.
+    #[expect(clippy::cast_possible_truncation, reason = "to be rounded")]
+    fn metres(&self, code: u16) -> f32 {
+        self.heights.decode(code) as f32
+    }
+
+    /// Adds a line of a block's posts to a silhouette, `at` posts from its first: an even row or column, whose edges are
+    /// drawn at any blend. Whether there was room.
+    fn draw_line(
         &self,
         silhouette: &mut Silhouette,
         plan: &LevelPlan,
         block: Block,
-        bound: &Bound,
         lattice: &Lattice,
-    ) {
-        let (w, h) = (block.width(), block.height());
-        let (west, south) = (
-            plan.window.i + i32::from(block.west),
-            plan.window.j + i32::from(block.south),
-        );
-        let northward = silhouette.prefers_columns(bound);
-        let (lines, posts, first) = if northward {
-            (w, h, west)
+        (at, northward): (i16, bool),
+    ) -> bool {
+        let west = plan.window.i + i32::from(block.west);
+        let south = plan.window.j + i32::from(block.south);
+        let (lines, posts) = if northward {
+            (block.width(), block.height())
         } else {
-            (h, w, south)
+            (block.height(), block.width())
         };
-        let mut at = (-first).rem_euclid(LINE_STEP);
-        while at <= lines {
-            let line = lattice.line(f64::from(at) / f64::from(lines), northward);
-            let each = 1.0 / f64::from(posts);
-            let points = (0..=posts).map(|k| {
-                let (i, j) = if northward {
-                    (west + at, south + k)
-                } else {
-                    (west + k, south + at)
-                };
-                let code = self.streamer.floor_code(plan.level, i, j);
-                line.point(f64::from(k) * each, self.heights.decode(code))
-            });
-            silhouette.add(points, bound.bulge_m());
-            at += LINE_STEP;
-        }
+        #[expect(clippy::cast_precision_loss, reason = "a few cells")]
+        let share = f32::from(at) / lines as f32;
+        let at = i32::from(at);
+        let last = u8::try_from(posts).unwrap_or(u8::MAX);
+        silhouette.add(&lattice.line(share, northward), last, |k| {
+            let k = i32::from(k);
+            let (i, j) = if northward {
+                (west + at, south + k)
+            } else {
+                (west + k, south + at)
+            };
+            self.metres(self.streamer.floor_code(plan.level, i, j))
+        })
     }
+}
+
+/// All lines of a block.
+const ALL_LINES: u16 = u16::MAX;
+
+/// Every so many frames all lines of a block are followed.
+const TURNS: u16 = 16;
+
+/// The lines of a block that are edges at any blend, on even rows or columns: posts from its first, and a bit that stays
+/// the line's when the window moves.
+fn lines_of(plan: &LevelPlan, block: Block, northward: bool) -> impl Iterator<Item = (i16, u16)> {
+    let (origin, first, last) = if northward {
+        (plan.window.i, block.west, block.east)
+    } else {
+        (plan.window.j, block.south, block.north)
+    };
+    (first..=last).filter_map(move |from_origin| {
+        let post = origin + i32::from(from_origin);
+        (post % 2 == 0).then(|| (from_origin - first, 1 << (post / 2).rem_euclid(16)))
+    })
 }
 
 /// How many blocks stand together.
@@ -383,32 +530,4 @@ fn group(blocks: &[Block], first: usize) -> Option<(usize, Block)> {
         ..*start
     };
     Some((end, rect))
-}
-
-/// Every how many posts a line is followed: an even number, since even rows and columns are edges at any blend.
-const LINE_STEP: i32 = 2;
-
-/// Clip z = k w + c between a near and a far distance along the optical axis, metres.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "f64 until here: these are the numbers the shader is given"
-)]
-fn depth(near_m: f64, far_m: f64) -> (f32, f32) {
-    let near = near_m.max(NEAR_MIN_M);
-    let far = (far_m * 1.001 + 1.0).max(near * 1.01);
-    (
-        ((far + near) / (far - near)) as f32,
-        (-2.0 * far * near / (far - near)) as f32,
-    )
-}
-
-/// The slice of the depth buffer of the `at`-th level drawn: the nearer half for the first, the rest shared equally.
-#[expect(clippy::cast_precision_loss, reason = "at most ten levels")]
-fn slice(at: usize, coarser: usize) -> (f32, f32) {
-    if at == 0 {
-        return (0.0, 0.5);
-    }
-    let each = 0.5 / coarser as f32;
-    let near = 0.5 + (at - 1) as f32 * each;
-    (near, near + each)
 }

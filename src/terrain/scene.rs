@@ -1,15 +1,13 @@
 //! The terrain of one view in one partition, without a GPU: follows the eye, decides what is resident and what is drawn, and prepares all
 //! numbers that drawing needs. [`crate::gl::terrain`] uploads and draws what a [`Scene`] says.
 //!
-//! Depth: every level draws into a slice of the depth buffer of its own, the finest into the nearer half. A line of sight
-//! leaves each window once (they are nested around the eye), so what is nearer in slices is nearer in space, and each
-//! slice spends its bits on one level's distances. Sides of constant latitude bulge towards the pole against a line of
-//! sight, by 6 cells for a level-5 window at 60 degrees: far below what shows. In a cap they are straighter.
+//! How depths are shared out is told in [`super::slices`].
 
 use super::blocks::BLOCKS_MAX;
-use super::clipmap::{self, Morph, Shape, View, Window};
+use super::clipmap::{self, Extent, Morph, Shape, Window, torus_texel};
 use super::grid::Grid;
 use super::partition::Partition;
+use super::reach::{self, Reaches, View};
 use super::rings::{Ground, Rings};
 use super::stream::{NoTerrain, Sink, Streamer, Uploads};
 use super::surface::TileSource;
@@ -28,25 +26,39 @@ pub use super::plan::{FrameFigures, LevelPlan, Plan};
 /// Heights reach at most this far above the highest and below the lowest of a pack (geoid undulations, rounding), metres.
 const HEIGHT_MARGIN_M: f64 = 120.0;
 
+/// The target where none is given, pixels.
+pub const TARGET_PX: f64 = 0.2;
+
 /// How the terrain is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Vertices along a side of a level.
     pub shape: Shape,
-    /// A level finer than this many pixels a cell everywhere is not drawn.
-    pub cell_pixels_min: f64,
+    /// Root of the mean square error that pictures may have where levels follow the distance, pixels; in
+    /// [`reach::TARGET_PX`]. See [`reach`] for what it promises.
+    pub target_px: f64,
     /// Whether blocks behind nearer ground are left out. Makes no difference to a picture; off to show that.
     pub leaves_out_hidden: bool,
 }
 
 impl Default for Settings {
     /// 447 vertices, the least that stays within 3 pixels of every post on the benchmark view of the Andes (2.96, of which
-    /// 2.96 is what any triangles differ by from the bilinear surface); cells down to one pixel.
+    /// 2.96 is what any triangles differ by from the bilinear surface), and a target that leaves them all to that view.
     fn default() -> Self {
         Self {
             shape: Shape::DEFAULT,
-            cell_pixels_min: 1.0,
+            target_px: TARGET_PX,
             leaves_out_hidden: true,
+        }
+    }
+}
+
+impl From<Shape> for Settings {
+    /// The default but for the shape.
+    fn from(shape: Shape) -> Self {
+        Self {
+            shape,
+            ..Self::default()
         }
     }
 }
@@ -71,6 +83,10 @@ pub struct Scene {
     latitude_deg: f64,
     eye_posts: (f64, f64),
     anchor: Option<Anchor>,
+    /// RMS error of each level as pictures show it, metres.
+    errors_m: [f64; LEVELS_MAX],
+    /// Of the last frame; `None` before there was one in this partition.
+    reaches: Option<Reaches>,
     rings: Rings,
     tabled: ArrayVec<(u8, Window), LEVELS_MAX>,
     plan: Plan,
@@ -91,6 +107,7 @@ impl Scene {
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
+        let errors_m = reach::errors_m(info);
         let worker = Worker::start(source, settings.shape, heights)?;
         Ok(Self {
             partition,
@@ -105,6 +122,8 @@ impl Scene {
             latitude_deg: 0.0,
             eye_posts: (0.0, 0.0),
             anchor: None,
+            errors_m,
+            reaches: None,
             rings: Rings::new(levels),
             tabled: ArrayVec::new(),
             plan: Plan {
@@ -153,6 +172,7 @@ impl Scene {
         self.partition = partition;
         self.streamer.enter(partition);
         self.longitude_deg = None;
+        self.reaches = None;
         self.anchor = None;
         self.figures = FrameFigures::default();
         self.clear();
@@ -175,10 +195,14 @@ impl Scene {
     /// Follows the eye, streams, and chooses the levels that can be drawn.
     fn stream(&mut self, camera: &Camera, quota: usize, sink: &mut dyn Sink) {
         let eye = self.follow(camera);
-        let wanted = self.wanted(camera);
-        let uploads = self.streamer.step(eye, wanted, quota, sink);
-        self.choose_levels(wanted);
-        self.report(wanted, uploads);
+        let last = self.reaches.unwrap_or_else(|| self.reaches(camera));
+        let streamed = (last.finest_streamed, last.drawn.1);
+        let uploads = self.streamer.step(eye, streamed, quota, sink);
+        // From what is resident now.
+        let reaches = self.reaches(camera);
+        self.reaches = Some(reaches);
+        self.choose_levels(&reaches);
+        self.report(reaches.drawn, uploads);
     }
 
     /// The plan of the last frame.
@@ -268,30 +292,39 @@ impl Scene {
         self.eye_posts
     }
 
-    fn wanted(&self, camera: &Camera) -> (u8, u8) {
-        let eye_m = camera.eye.height_ellipsoid.0;
-        let above_lowest_m = eye_m - self.height_min_m;
+    /// How far levels should reach.
+    fn reaches(&self, camera: &Camera) -> Reaches {
         let view = View {
             latitude_deg: self.latitude_deg,
-            above_ground_m: self
-                .ground(&camera.eye)
-                .map_or(eye_m - self.height_max_m, |g| eye_m - g.0),
-            above_lowest_m,
-            relief_m: self.height_max_m - self.height_min_m,
+            eye_m: camera.eye.height_ellipsoid.0,
+            ground_m: (self.height_min_m, self.height_max_m),
             focal_px: camera.focal_px(),
+            target_px: self.settings.target_px,
         };
-        clipmap::wanted_levels(
-            self.settings.shape,
-            self.grid,
-            self.levels,
-            &view,
-            self.settings.cell_pixels_min,
-        )
+        let shape = self.settings.shape;
+        // The next coarser level knows the ground well beyond a level's own reach.
+        let top_m = |level: u8, radius_m: f64| {
+            let level = level + 1;
+            let Some(window) = self.streamer.window(level) else {
+                return self.height_max_m;
+            };
+            let eye = self.eye_on(level);
+            let on = (&self.streamer, self.heights, shape, self.grid);
+            reach::envelope_m(on, (level, window), eye, radius_m)
+        };
+        Reaches::of(shape, self.grid, self.levels, &self.errors_m, &view, top_m)
+    }
+
+    /// The eye's post position on a level.
+    fn eye_on(&self, level: u8) -> (f64, f64) {
+        let scale = f64::from(1_u32 << level);
+        (self.eye_posts.0 / scale, self.eye_posts.1 / scale)
     }
 
     /// The unbroken run of whole levels that nest, from the coarsest wanted one that is whole; finest first.
-    fn choose_levels(&mut self, wanted: (u8, u8)) {
+    fn choose_levels(&mut self, reaches: &Reaches) {
         let shape = self.settings.shape;
+        let wanted = reaches.drawn;
         let mut chain: ArrayVec<LevelPlan, LEVELS_MAX> = ArrayVec::new();
         for level in (wanted.0..=wanted.1).rev() {
             let Some(window) = self.streamer.window(level) else {
@@ -300,21 +333,27 @@ impl Scene {
                 }
                 break;
             };
-            let scale = f64::from(1_u32 << level);
-            let (x, y) = (self.eye_posts.0 / scale, self.eye_posts.1 / scale);
+            // Without a coarser one there is nothing to blend into and nothing beyond.
+            let reach = if chain.is_empty() {
+                clipmap::reach_max(shape)
+            } else {
+                reaches.posts[usize::from(level)]
+            };
+            let eye = self.eye_on(level);
+            let (extent, around) = Extent::around(shape, window, reach, eye);
             if let Some(coarser) = chain.last()
-                && clipmap::hole(shape, coarser.window, &coarser.morph, window).is_none()
+                && clipmap::hole(coarser.extent(), &coarser.morph, extent).is_none()
             {
                 break;
             }
             chain.push(LevelPlan {
                 level,
-                window,
-                morph: Morph::new(shape, window, x, y),
+                window: extent.window,
+                cells: extent.cells,
+                morph: Morph::new(shape, extent, around, reach),
                 has_coarser: !chain.is_empty(),
                 blocks: (0, 0),
-                depth: (0.0, 0.0),
-                slice: (0.0, 1.0),
+                slices: ArrayVec::new(),
             });
         }
         self.plan.levels.clear();
@@ -326,7 +365,7 @@ impl Scene {
         let Some(finest) = self.plan.levels.first() else {
             return;
         };
-        let half = f64::from(self.settings.shape.cells()) / 2.0;
+        let half = f64::from(finest.cells) / 2.0;
         let scale = f64::from(1_u32 << finest.level);
         let near = |eye: f64, origin: i32, anchor: Option<i32>| {
             // The post that the anchor stands on is kept until another is clearly nearer.
@@ -363,21 +402,25 @@ impl Scene {
     fn fill_tables(&mut self) {
         let Some(anchor) = &self.anchor else { return };
         let mut changed = false;
-        for plan in &self.plan.levels {
-            if self.tabled.contains(&(plan.level, plan.window)) {
+        for level in self.plan.levels.iter().map(|plan| plan.level) {
+            let Some(window) = self.streamer.window(level) else {
+                continue;
+            };
+            if self.tabled.contains(&(level, window)) {
                 continue;
             }
-            self.tabled.retain(|t| t.0 != plan.level);
-            self.tabled.push((plan.level, plan.window));
+            self.tabled.retain(|t| t.0 != level);
+            self.tabled.push((level, window));
             let entries = self.settings.shape.texels();
-            let start = 2 * usize::from(plan.level) * entries;
+            let posts = self.settings.shape.vertices();
+            let start = 2 * usize::from(level) * entries;
             let (columns, rows) =
                 self.plan.tables[start..start + 2 * entries].split_at_mut(entries);
-            for (post, entry) in (plan.window.i..).zip(columns) {
-                *entry = anchor.column(post << plan.level);
+            for post in window.i..window.i + posts {
+                columns[torus_texel(entries, post)] = anchor.column(post << level);
             }
-            for (post, entry) in (plan.window.j..).zip(rows) {
-                *entry = anchor.row(post << plan.level);
+            for post in window.j..window.j + posts {
+                rows[torus_texel(entries, post)] = anchor.row(post << level);
             }
             changed = true;
         }
@@ -390,8 +433,7 @@ impl Scene {
     fn cut(&mut self, camera: &Camera) {
         let hides = self.settings.leaves_out_hidden;
         let is_above_ground = self.plan.levels.first().is_some_and(|finest| {
-            let scale = f64::from(1_u32 << finest.level);
-            let (x, y) = (self.eye_posts.0 / scale, self.eye_posts.1 / scale);
+            let (x, y) = self.eye_on(finest.level);
             self.streamer
                 .ground_code(finest.level, x, y)
                 .is_ok_and(|code| {
@@ -404,6 +446,7 @@ impl Scene {
             levels: self.levels,
             heights: self.heights,
             shape: self.settings.shape,
+            eye_posts: self.eye_posts,
             streamer: &self.streamer,
         };
         self.rings.lay(&ground, &self.plan.levels);

@@ -8,23 +8,36 @@
 //!
 //! Ground is a height over the ellipsoid, so what lies below a point of it, seen from above ground, lies behind ground.
 //! Lines are edges of the very triangles that are drawn, each post no higher than it is drawn at any blend; nothing that
-//! shows is ever left out, and no picture depends on this.
+//! shows is ever left out, and no picture depends on this. Nor does any depend on which lines are added: a line that has
+//! hidden nothing ([`Silhouette::earned`]) need not be added again soon.
 
-use super::cull::Bound;
+use super::cull::{Bound, Quad};
 use crate::geo::Camera;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec3, Vec3, Vec4};
 
 /// Columns across the picture: some pixels each.
 const COLUMNS: usize = 256;
 
-/// Points nearer than this ahead say nothing about what is hidden, metres.
-const AHEAD_MIN_M: f64 = 5.0;
+/// Those, and one on either side for all that lies beside the picture.
+const WITH_SIDES: usize = COLUMNS + 2;
 
-/// Lines count this much lower than they are, up / forward: a tenth of a pixel, thousands of times the shader's rounding.
-const MARGIN: f64 = 1e-4;
+/// Points nearer than this ahead say nothing about what is hidden, metres.
+const AHEAD_MIN_M: f32 = 5.0;
+
+/// Lines count this much lower than they are, up / forward: a tenth of a pixel, thousands of times the rounding of f32.
+const MARGIN: f32 = 1e-4;
+
+/// Lines may be this much beside where they are, columns: a hundred times the rounding.
+const MARGIN_COLUMNS: f32 = 2e-3;
 
 /// A picture whose corners do not look ahead by at least this share is not treated: straight down nothing hides much.
 const AHEAD_SHARE_MIN: f64 = 0.1;
+
+/// Most lines of a frame; what more there is hides nothing.
+pub const LINES_MAX: usize = 32_768;
+
+/// No line.
+const NOBODY: u16 = u16::MAX;
 
 /// See the module.
 #[derive(Debug)]
@@ -32,46 +45,58 @@ pub struct Silhouette {
     eye: DVec3,
     /// From Earth-centred axes to (forward, right, up).
     axes: DMat3,
-    /// The first column's side, right / forward, and columns for each unit of it.
-    first: f64,
-    per_unit: f64,
-    heights: [f64; COLUMNS],
+    axes_near: [Vec3; 3],
+    scale: Scale,
+    profile: Profile,
+    /// Of each line added, whether it has hidden something.
+    earned: Vec<bool>,
     is_used: bool,
 }
 
-/// The greatest heights of the four quarters of a block, metres: rows from the south, each from the west.
-pub type Tops = [[f32; 2]; 2];
-
-/// The directions that something takes up: right / forward from left to right, and the top, up / forward.
+/// From right / forward to columns.
 #[derive(Clone, Copy, Debug)]
-struct Sight {
-    left: f64,
-    right: f64,
-    top: f64,
+struct Scale {
+    /// The first column's left side, and columns for each unit.
+    first: f32,
+    per_unit: f32,
 }
 
-impl Sight {
-    const NONE: Self = Self {
-        left: f64::INFINITY,
-        right: f64::NEG_INFINITY,
-        top: f64::NEG_INFINITY,
+impl Scale {
+    /// Column 1 is the picture's first.
+    fn columns(self, across: f32) -> f32 {
+        (across - self.first) * self.per_unit + 1.0
+    }
+}
+
+/// What is hidden of each column, and the line that did it.
+#[derive(Debug)]
+struct Profile {
+    heights: [f32; WITH_SIDES],
+    lines: [u16; WITH_SIDES],
+}
+
+impl Profile {
+    const NOTHING: Self = Self {
+        heights: [f32::NEG_INFINITY; WITH_SIDES],
+        lines: [NOBODY; WITH_SIDES],
     };
 
-    /// Grows to a point and all within `bulge_m` of it. Whether that lies ahead.
-    fn take(&mut self, p: DVec3, bulge_m: f64) -> bool {
-        let near = p.x - bulge_m;
-        if near < AHEAD_MIN_M {
-            return false;
+    fn raise(&mut self, column: usize, height: f32, line: u16) {
+        if self.heights[column] < height {
+            self.heights[column] = height;
+            self.lines[column] = line;
         }
-        let u = p.y / p.x;
-        let slack = bulge_m * (1.0 + u.abs()) / near;
-        let rise = p.z + bulge_m;
-        let top = rise / if rise > 0.0 { near } else { p.x + bulge_m };
-        self.left = self.left.min(u - slack);
-        self.right = self.right.max(u + slack);
-        self.top = self.top.max(top);
-        true
     }
+}
+
+/// The greatest heights of the four quarters of a block, metres: south-west, south-east, north-west, north-east.
+pub type Tops = [f32; 4];
+
+/// The directions that something takes up: the first and the last of its columns, and the top, up / forward.
+#[derive(Clone, Copy, Debug)]
+struct Sight {
+    columns: (usize, usize),
+    top: f32,
 }
 
 impl Default for Silhouette {
@@ -80,9 +105,13 @@ impl Default for Silhouette {
         Self {
             eye: DVec3::ZERO,
             axes: DMat3::IDENTITY,
-            first: 0.0,
-            per_unit: 1.0,
-            heights: [f64::NEG_INFINITY; COLUMNS],
+            axes_near: [Vec3::X, Vec3::Y, Vec3::Z],
+            scale: Scale {
+                first: 0.0,
+                per_unit: 1.0,
+            },
+            profile: Profile::NOTHING,
+            earned: Vec::with_capacity(LINES_MAX),
             is_used: false,
         }
     }
@@ -92,7 +121,8 @@ impl Silhouette {
     /// Begins a frame with nothing seen. `is_above_ground`: whether the eye is known to be above what is drawn under it;
     /// where it is not, or the camera looks too steeply, nothing will be hidden.
     pub fn begin(&mut self, camera: &Camera, is_above_ground: bool) {
-        self.heights = [f64::NEG_INFINITY; COLUMNS];
+        self.profile = Profile::NOTHING;
+        self.earned.clear();
         self.is_used = false;
         let up = -camera.eye.ned_to_ecef().z_axis;
         let view = -camera.eye_to_ecef().z_axis;
@@ -115,10 +145,17 @@ impl Silhouette {
         }
         self.eye = camera.eye.to_ecef();
         self.axes = DMat3::from_cols(forward, right, up).transpose();
-        self.first = low;
-        #[expect(clippy::cast_precision_loss, reason = "256")]
-        let columns = COLUMNS as f64;
-        self.per_unit = columns / (high - low);
+        self.axes_near = [forward, right, up].map(|axis| axis.as_vec3());
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_precision_loss,
+            reason = "256, and tangents of angles"
+        )]
+        let scale = Scale {
+            first: low as f32,
+            per_unit: (COLUMNS as f64 / (high - low)) as f32,
+        };
+        self.scale = scale;
         self.is_used = true;
     }
 
@@ -128,134 +165,235 @@ impl Silhouette {
         self.is_used
     }
 
-    /// Whether lines along columns of posts, which run north, tell more than lines along rows: in a view to the east or west.
+    /// Where an origin of bounds is seen from the eye: for [`Self::lattice`].
     #[must_use]
-    pub fn prefers_columns(&self, bound: &Bound) -> bool {
-        let [sw, se, nw, ..] = bound.corners();
-        let across = |line: DVec3| (self.axes * line).y.abs() / line.length().max(1.0);
-        across(*nw - *sw) > across(*se - *sw)
+    pub fn offset(&self, origin: DVec3) -> Vec3 {
+        (self.axes * (origin - self.eye)).as_vec3()
     }
 
-    /// Whether all of a block lies behind ground already seen, under its greatest height.
+    /// The lattice of a block's posts; `offset`: of its bound's origin.
     #[must_use]
-    pub fn hides(&self, lattice: &Lattice, bulge_m: f64) -> bool {
-        let mut sight = Sight::NONE;
-        self.is_used
-            && lattice.corners.iter().all(|&c| sight.take(c, bulge_m))
-            && self.is_behind(&sight)
+    pub fn lattice(&self, bound: &Bound, offset: Vec3) -> Lattice {
+        let seen = |q: &Quad| Quad {
+            x: q.dot(self.axes_near[0]) + offset.x,
+            y: q.dot(self.axes_near[1]) + offset.y,
+            z: q.dot(self.axes_near[2]) + offset.z,
+        };
+        let (low, high) = bound.corners();
+        let (low, high) = (seen(low), seen(high));
+        Lattice {
+            low,
+            rise: Quad {
+                x: high.x - low.x,
+                y: high.y - low.y,
+                z: high.z - low.z,
+            },
+            height_min_m: bound.heights_m().0,
+            per_metre: 1.0 / (bound.heights_m().1 - bound.heights_m().0).max(1e-3),
+            bulge_m: bound.bulge_m(),
+        }
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        clippy::cast_precision_loss,
-        reason = "clamped to columns of the picture"
-    )]
-    fn is_behind(&self, sight: &Sight) -> bool {
-        // What lies beside the picture does not matter.
-        let column =
-            |u: f64| ((u - self.first) * self.per_unit).clamp(0.0, (COLUMNS - 1) as f64) as usize;
-        self.heights[column(sight.left)..=column(sight.right)]
-            .iter()
-            .all(|&height| height > sight.top)
-    }
-
-    /// Whether all quarters of a block lie behind ground already seen, each under its own top.
-    #[must_use]
-    pub fn hides_parts(&self, lattice: &Lattice, tops_m: &Tops, bulge_m: f64) -> bool {
+    /// Whether all of a block lies behind ground already seen: all of it under its greatest height, or each quarter under
+    /// its own.
+    pub fn hides(&mut self, lattice: &Lattice, tops_m: &Tops) -> bool {
         if !self.is_used {
             return false;
         }
-        let share = |k: usize| [0.0, 0.5, 1.0][k];
-        for (row, tops) in tops_m.iter().enumerate() {
-            let sides = [row, row + 1].map(|k| lattice.line(share(k), false));
-            for (column, &top_m) in tops.iter().enumerate() {
-                let mut sight = Sight::NONE;
-                for side in &sides {
-                    for k in [column, column + 1] {
-                        if !sight.take(side.point(share(k), f64::from(top_m)), bulge_m) {
-                            return false;
-                        }
-                    }
+        let whole = self.sight(&lattice.low, &lattice.at_share(1.0), lattice.bulge_m);
+        let Some(whole) = whole else { return false };
+        let is_hidden = self.is_behind(whole)
+            || (0..4).all(|quarter| {
+                let (low, rise) = lattice.quarter(quarter);
+                let share = (tops_m[quarter] - lattice.height_min_m) * lattice.per_metre;
+                let high = Quad {
+                    x: low.x + rise.x * share,
+                    y: low.y + rise.y * share,
+                    z: low.z + rise.z * share,
+                };
+                self.sight(&low, &high, lattice.bulge_m)
+                    .is_some_and(|sight| self.is_behind(sight))
+            });
+        if is_hidden {
+            let (first, last) = whole.columns;
+            for &line in &self.profile.lines[first..=last] {
+                if let Some(earned) = self.earned.get_mut(usize::from(line)) {
+                    *earned = true;
                 }
-                if !self.is_behind(&sight) {
-                    return false;
+            }
+        }
+        is_hidden
+    }
+
+    /// What a body takes up between its corners below and above; `None` if not all of it lies ahead.
+    fn sight(&self, low: &Quad, high: &Quad, bulge_m: f32) -> Option<Sight> {
+        let near = low.x.min(high.x) - bulge_m;
+        if near.min_element() < AHEAD_MIN_M {
+            return None;
+        }
+        let slack = bulge_m / near;
+        let (u, u_high) = (low.y / low.x, high.y / high.x);
+        let left = u.min(u_high);
+        let right = u.max(u_high);
+        let wide = slack * (Vec4::ONE + left.abs().max(right.abs()));
+        // Farthest for what lies below the eye, nearest for what lies above.
+        let rise = high.z.max(low.z) + bulge_m;
+        let top = (rise / near).max(rise / (low.x.max(high.x) + bulge_m));
+        let column = |u: f32| column_of(self.scale.columns(u)).clamp(1, COLUMNS);
+        Some(Sight {
+            columns: (
+                column((left - wide).min_element()),
+                column((right + wide).max_element()),
+            ),
+            top: top.max_element(),
+        })
+    }
+
+    fn is_behind(&self, sight: Sight) -> bool {
+        // What lies beside the picture does not matter.
+        let (first, last) = sight.columns;
+        let heights = &self.profile.heights[first..=last];
+        heights.iter().all(|&height| height > sight.top)
+    }
+
+    /// Adds a line of the ground to what has been seen. `height_m`: of its posts, from the first to the `last`, above the
+    /// ellipsoid. Whether there was room.
+    pub fn add(&mut self, line: &Line, last: u8, height_m: impl Fn(u8) -> f32) -> bool {
+        if self.earned.len() == LINES_MAX {
+            return false;
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "below 32 768")]
+        let number = self.earned.len() as u16;
+        self.earned.push(false);
+        let backward = line.runs_left();
+        let post = |k: u8| if backward { last - k } else { k };
+        let each = 1.0 / f32::from(last);
+        let mut walk: Option<Walk> = None;
+        for first in (0..=last).step_by(4) {
+            let posts = [0, 1, 2, 3].map(|k| post((first + k).min(last)));
+            let heights = Vec4::from_array(posts.map(&height_m));
+            let at = Vec4::from_array(posts.map(f32::from)) * each;
+            let p = line.points(at, heights);
+            let near = p.x - line.bulge_m;
+            let slack = line.bulge_m / near;
+            let (u, v) = (p.y / p.x, p.z / p.x);
+            let beside =
+                (slack * (u.abs() + 1.0) * self.scale.per_unit + MARGIN_COLUMNS).to_array();
+            let v = (v - slack * (v.abs() + 1.0) - MARGIN).to_array();
+            let (near, u) = (near.to_array(), u.to_array());
+            for k in 0..usize::from(last - first + 1).min(4) {
+                if near[k] < AHEAD_MIN_M {
+                    walk = None;
+                    continue;
+                }
+                let u = self.scale.columns(u[k]);
+                match &mut walk {
+                    None => walk = Some(Walk::new(u, v[k], beside[k])),
+                    Some(walk) => walk.to(u, v[k], beside[k], number, &mut self.profile),
                 }
             }
         }
         true
     }
 
-    /// Adds a line of the ground, given by its points as [`Line::point`] makes them, to what has been seen.
-    pub fn add(&mut self, points: impl Iterator<Item = DVec3>, bulge_m: f64) {
-        let mut walk: Option<Walk> = None;
-        for p in points {
-            if p.x < AHEAD_MIN_M {
-                walk = None;
-                continue;
-            }
-            let inverse = 1.0 / p.x;
-            let u = (p.y * inverse - self.first) * self.per_unit;
-            let v = (p.z - bulge_m) * inverse - MARGIN;
-            match &mut walk {
-                None => walk = Some(Walk::new(u, v)),
-                Some(walk) => walk.to(u, v, &mut self.heights),
-            }
-        }
-    }
-
-    /// The lattice of a block's posts, for lines.
+    /// Of the lines added in this frame, in their order, which have hidden something.
     #[must_use]
-    pub fn lattice(&self, bound: &Bound) -> Lattice {
-        Lattice {
-            corners: bound.corners().map(|c| self.axes * (c - self.eye)),
-            height_min_m: bound.heights_m().0,
-            per_metre: 1.0 / (bound.heights_m().1 - bound.heights_m().0).max(1e-3),
-        }
+    pub fn earned(&self) -> &[bool] {
+        &self.earned
     }
 }
 
-/// Positions of a block's posts, between its corners. They leave the true ones by at most the block's bulge.
+/// Positions of a block's posts between its corners: (forward, right, up), metres. They leave the true ones by at most the
+/// block's bulge.
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice {
-    corners: [DVec3; 8],
-    height_min_m: f64,
-    per_metre: f64,
+    low: Quad,
+    /// From the corners at the lowest height to those at the greatest.
+    rise: Quad,
+    height_min_m: f32,
+    per_metre: f32,
+    bulge_m: f32,
 }
 
 impl Lattice {
     /// Horizontal distances from the eye, metres, that no point of the block is nearer than, and none farther.
     #[must_use]
-    pub fn distances_m(&self, bulge_m: f64) -> (f64, f64) {
-        let flat = self.corners.map(DVec3::truncate);
-        let middle = flat.iter().sum::<DVec2>().normalize_or_zero();
-        let near = flat
-            .iter()
-            .map(|c| c.dot(middle))
-            .fold(f64::INFINITY, f64::min);
-        let far = flat.iter().map(|c| c.length()).fold(0.0, f64::max);
-        (near - bulge_m, far + bulge_m)
+    pub fn distances_m(&self) -> (f32, f32) {
+        let high = self.at_share(1.0);
+        let (x, y) = (self.low.x.element_sum(), self.low.y.element_sum());
+        let length = (x * x + y * y).sqrt().max(f32::MIN_POSITIVE);
+        let (x, y) = (x / length, y / length);
+        let along = |q: &Quad| (q.x * x + q.y * y).min_element();
+        let away = |q: &Quad| (q.x * q.x + q.y * q.y).max_element();
+        let near = along(&self.low).min(along(&high));
+        let far = away(&self.low).max(away(&high)).sqrt();
+        ((near - self.bulge_m).max(0.0), far + self.bulge_m)
     }
 
-    /// A line of posts: east to west at a share of the way north, or south to north at a share of the way east.
+    /// Whether lines along columns of posts, which run north, tell more than lines along rows: in a view to the east or west.
     #[must_use]
-    pub fn line(&self, at: f64, northward: bool) -> Line {
-        let c = &self.corners;
-        let between = |a: usize, b: usize| c[a] + (c[b] - c[a]) * at;
-        let (a, b) = if northward {
-            ((0, 1), (2, 3))
-        } else {
-            ((0, 2), (1, 3))
+    pub fn prefers_columns(&self) -> bool {
+        let across = |a: usize, b: usize| {
+            let (x, y) = (self.low.x[b] - self.low.x[a], self.low.y[b] - self.low.y[a]);
+            y * y / (x * x + y * y).max(1.0)
         };
-        let (start, end) = (between(a.0, a.1), between(b.0, b.1));
-        let (start_high, end_high) = (between(a.0 + 4, a.1 + 4), between(b.0 + 4, b.1 + 4));
+        across(0, 2) > across(0, 1)
+    }
+
+    /// The corners at a share of the way from the lowest height to the greatest.
+    fn at_share(&self, share: f32) -> Quad {
+        Quad {
+            x: self.low.x + self.rise.x * share,
+            y: self.low.y + self.rise.y * share,
+            z: self.low.z + self.rise.z * share,
+        }
+    }
+
+    /// Corners of a quarter at the lowest height, and what rises from them; quarters in the order of corners.
+    fn quarter(&self, at: usize) -> (Quad, Quad) {
+        // Each corner goes halfway to the one that the quarter is at, in one direction after the other.
+        let part = |v: Vec4| {
+            let v = if at & 1 == 0 {
+                (v + Vec4::new(v.x, v.x, v.z, v.z)) * 0.5
+            } else {
+                (v + Vec4::new(v.y, v.y, v.w, v.w)) * 0.5
+            };
+            if at & 2 == 0 {
+                (v + Vec4::new(v.x, v.y, v.x, v.y)) * 0.5
+            } else {
+                (v + Vec4::new(v.z, v.w, v.z, v.w)) * 0.5
+            }
+        };
+        let of = |q: &Quad| Quad {
+            x: part(q.x),
+            y: part(q.y),
+            z: part(q.z),
+        };
+        (of(&self.low), of(&self.rise))
+    }
+
+    /// A line of posts: west to east at a share of the way north, or south to north at a share of the way east.
+    #[must_use]
+    pub fn line(&self, at: f32, northward: bool) -> Line {
+        let corner = |q: &Quad, k: usize| Vec3::new(q.x[k], q.y[k], q.z[k]);
+        let between = |q: &Quad, a: usize, b: usize| corner(q, a).lerp(corner(q, b), at);
+        let ends = |q: &Quad| {
+            if northward {
+                (between(q, 0, 1), between(q, 2, 3))
+            } else {
+                (between(q, 0, 2), between(q, 1, 3))
+            }
+        };
+        let (start, end) = ends(&self.low);
+        let (up, up_end) = ends(&self.rise);
         Line {
             start,
             along: end - start,
-            up: start_high - start,
-            up_along: end_high - end - (start_high - start),
+            up,
+            up_along: up_end - up,
             height_min_m: self.height_min_m,
             per_metre: self.per_metre,
+            bulge_m: self.bulge_m,
         }
     }
 }
@@ -263,87 +401,104 @@ impl Lattice {
 /// See [`Lattice::line`].
 #[derive(Clone, Copy, Debug)]
 pub struct Line {
-    start: DVec3,
-    along: DVec3,
-    up: DVec3,
-    up_along: DVec3,
-    height_min_m: f64,
-    per_metre: f64,
+    start: Vec3,
+    along: Vec3,
+    up: Vec3,
+    up_along: Vec3,
+    height_min_m: f32,
+    per_metre: f32,
+    bulge_m: f32,
 }
 
 impl Line {
-    /// (forward, right, up) of its point at a share of the way, at a height above the ellipsoid, metres.
-    #[must_use]
-    pub fn point(&self, at: f64, height_m: f64) -> DVec3 {
-        let rise = (height_m - self.height_min_m) * self.per_metre;
-        self.start + self.along * at + (self.up + self.up_along * at) * rise
+    /// Its points at shares of the way, at heights above the ellipsoid, metres.
+    fn points(&self, at: Vec4, heights_m: Vec4) -> Quad {
+        let rise = (heights_m - self.height_min_m) * self.per_metre;
+        let axis = |start: f32, along: f32, up: f32, up_along: f32| {
+            start + at * along + (at * up_along + up) * rise
+        };
+        Quad {
+            x: axis(self.start.x, self.along.x, self.up.x, self.up_along.x),
+            y: axis(self.start.y, self.along.y, self.up.y, self.up_along.y),
+            z: axis(self.start.z, self.along.z, self.up.z, self.up_along.z),
+        }
+    }
+
+    /// Whether it is seen from right to left.
+    fn runs_left(&self) -> bool {
+        let end = self.start + self.along;
+        end.y * self.start.x < self.start.y * end.x
     }
 }
 
-/// A line on its way through the columns.
+/// A line on its way through the columns, from the left to the right.
 #[derive(Clone, Copy, Debug)]
 struct Walk {
-    u: f64,
-    v: f64,
+    u: f32,
+    v: f32,
+    /// How far beside `u` the point may be, columns.
+    beside: f32,
     /// The column it is in.
-    column: i32,
+    column: usize,
     /// The lowest it has been since it entered the column.
-    low: f64,
-    /// From which side it entered: 1 from the left, -1 from the right, 0 if it began inside.
-    entered: i32,
+    low: f32,
+    /// Whether it entered by the column's left side; otherwise it began inside.
+    has_entered: bool,
 }
 
 impl Walk {
-    fn new(u: f64, v: f64) -> Self {
+    fn new(u: f32, v: f32, beside: f32) -> Self {
         Self {
             u,
             v,
+            beside,
             column: column_of(u),
             low: v,
-            entered: 0,
+            has_entered: false,
         }
     }
 
-    /// Goes on to a point, and raises the columns that have been crossed.
-    fn to(&mut self, u: f64, v: f64, heights: &mut [f64; COLUMNS]) {
+    /// Goes on to a point, and raises the columns that have been crossed. A line that turns back begins anew.
+    fn to(&mut self, u: f32, v: f32, beside: f32, line: u16, profile: &mut Profile) {
         let goal = column_of(u);
-        let step = (goal - self.column).signum();
-        if step == 0 {
-            self.low = self.low.min(v);
-            (self.u, self.v) = (u, v);
+        if goal < self.column {
+            *self = Self::new(u, v, beside);
             return;
         }
-        let slope = (v - self.v) / (u - self.u);
-        while self.column != goal {
-            let side = f64::from(if step > 0 {
-                self.column + 1
-            } else {
-                self.column
-            });
-            let crossing = self.v + (side - self.u) * slope;
-            self.low = self.low.min(crossing);
-            if self.entered == step
-                && let Some(height) = usize::try_from(self.column)
-                    .ok()
-                    .and_then(|c| heights.get_mut(c))
-            {
-                *height = height.max(self.low);
+        if goal > self.column {
+            let slope = (v - self.v) / (u - self.u);
+            // As low as it can be where both ends may be beside where they are said to be.
+            let drop = slope.abs() * (self.beside + beside);
+            #[expect(clippy::cast_precision_loss, reason = "a column")]
+            let side = (self.column + 1) as f32;
+            let mut crossing = self.v + (side - self.u) * slope - drop;
+            if self.has_entered {
+                profile.raise(self.column, self.low.min(crossing), line);
             }
-            self.entered = step;
+            for column in self.column + 1..goal {
+                let next = crossing + slope;
+                profile.raise(column, crossing.min(next), line);
+                crossing = next;
+            }
+            self.column = goal;
             self.low = crossing;
-            self.column += step;
+            self.has_entered = true;
         }
         self.low = self.low.min(v);
-        (self.u, self.v) = (u, v);
+        (self.u, self.v, self.beside) = (u, v, beside);
     }
 }
 
-/// The column of a direction; all beyond either side of the picture are one.
+/// The column of a place among them; all beyond either side of the picture are one.
 #[expect(
     clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
     clippy::cast_precision_loss,
-    reason = "clamped to columns of the picture and one beside it"
+    reason = "clamped to columns of the picture and those beside it"
 )]
-fn column_of(u: f64) -> i32 {
-    u.floor().clamp(-1.0, COLUMNS as f64) as i32
+fn column_of(u: f32) -> usize {
+    u.clamp(0.0, (WITH_SIDES - 1) as f32) as usize
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,8 +4,12 @@
 use crate::terrain::codec::{Encoder, SurfaceKind, Tile};
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::{Grid, TileKey};
-use crate::terrain::pack::{FORMAT, HEADER_BYTES, PackInfo, PostRect, SourceInfo, Tiles};
+use crate::terrain::pack::{
+    FORMAT, HEADER_BYTES, LevelError, LevelErrors, PackInfo, PostRect, SourceInfo, Tiles,
+};
 use crate::terrain::pack_format::{CRC, Entry, Header, partitions, rect_bytes};
+use crate::terrain::partition::Partition;
+use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -95,6 +99,7 @@ pub struct PackWriter {
     scale: Scale,
     end: u64,
     entries: Vec<Entry>,
+    level_errors: LevelErrors,
     finished: bool,
 }
 
@@ -104,6 +109,16 @@ impl PackWriter {
     /// # Errors
     /// If the temporary file beside it cannot be made.
     pub fn create(target: &Path, grid: Grid, scale: Scale) -> io::Result<Self> {
+        Self::beside(target, "part", grid, scale)
+    }
+
+    /// The same, whose temporary file ends in `ending`: one that is never finished is a place for tiles until it is dropped.
+    pub(crate) fn beside(
+        target: &Path,
+        ending: &str,
+        grid: Grid,
+        scale: Scale,
+    ) -> io::Result<Self> {
         let name = target
             .file_name()
             .ok_or_else(|| io::Error::from(io::ErrorKind::InvalidFilename))?;
@@ -112,7 +127,7 @@ impl PackWriter {
         }
         let mut part_name = std::ffi::OsString::from(".");
         part_name.push(name);
-        part_name.push(format!(".{}.part", std::process::id()));
+        part_name.push(format!(".{}.{ending}", std::process::id()));
         let part = target.with_file_name(part_name);
         let file = OpenOptions::new()
             .read(true)
@@ -127,6 +142,7 @@ impl PackWriter {
             scale,
             end: HEADER_BYTES as u64,
             entries: Vec::new(),
+            level_errors: LevelErrors::default(),
             finished: false,
         };
         // The header's place; its bytes are known at the end.
@@ -146,6 +162,20 @@ impl PackWriter {
         });
         self.end += tile.stored.len() as u64;
         Ok(())
+    }
+
+    /// States how far a level is from the data.
+    pub(crate) const fn state_error(&mut self, partition: Partition, level: u8, error: LevelError) {
+        self.level_errors.0[partition as usize][level as usize] = Some(error);
+    }
+
+    /// States the errors of tiles, metres, in place of those they were added with.
+    pub(crate) fn state_tile_errors(&mut self, errors: &BTreeMap<TileKey, f32>) {
+        for entry in &mut self.entries {
+            if let Some(error_m) = errors.get(&entry.key) {
+                entry.max_error_m = *error_m;
+            }
+        }
     }
 
     /// The tiles written so far that are `wanted`, to be read while more are added.
@@ -232,6 +262,7 @@ impl PackWriter {
             void_posts: statistics.void_posts,
             water_posts: statistics.water_posts,
             bytes,
+            level_errors: self.level_errors,
         }
     }
 }

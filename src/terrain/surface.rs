@@ -8,7 +8,7 @@
 use super::clipmap::TorusPart;
 use super::codec::{SurfaceKind, Tile};
 use super::grid::{Grid, TILE_SIDE, TileKey};
-use super::pack::{Pack, PackInfo, TileError, TileReader};
+use super::pack::{LevelError, Pack, PackInfo, TileError, TileReader};
 use super::partition::Partition;
 use super::tables::HeightCode;
 use super::texel::{encode_crest, encode_kind, encode_normal};
@@ -31,6 +31,10 @@ pub trait TileSource: Send + Sync + std::fmt::Debug + 'static {
     /// Whether there are tiles of a partition.
     fn has(&self, partition: Partition) -> bool {
         self.info().has(partition)
+    }
+    /// How far the surface of a level is from the data; see [`PackInfo::level_error`].
+    fn level_error(&self, partition: Partition, level: u8) -> Option<LevelError> {
+        self.info().level_error(partition, level)
     }
     /// Whether there is such a tile.
     fn contains(&self, key: TileKey) -> bool;

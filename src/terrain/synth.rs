@@ -258,7 +258,10 @@ pub fn bake(
         name: format!("synthetic valley, seed {seed}"),
         rect,
     };
-    levels.finish(&geoid, &[source])
+    levels.finish(&geoid, &[source], &mut |done, all| {
+        progress(done, all);
+        true
+    })
 }
 
 impl Landscape {

@@ -136,13 +136,14 @@ impl Anchor {
         let nz = partition.normal(longitude_deg, latitude_deg).z;
         let n0 = prime_vertical_radius_m(nz);
         let radius_m = n0 + height_m;
+        let half = 0.5 * n0 / heights.unit_m;
         let cap = |sign: f64| Place::Cap {
             sign,
             radius_m,
             bulge: [
-                WGS84_E2 / ((1.0 - WGS84_E2 * nz * nz) * radius_m * heights.unit_m),
+                half * WGS84_E2 / ((1.0 - WGS84_E2 * nz * nz) * radius_m * heights.unit_m),
                 heights.unit_m * nz,
-                0.5 * n0 / heights.unit_m,
+                0.75 / half,
                 (n0 * (1.0 - WGS84_E2) + height_m) / radius_m,
             ],
         };
@@ -175,8 +176,8 @@ impl Anchor {
         self.ecef
     }
 
-    /// In a cap, with q the metres a code: x for a metre of R dn.z and for q (n.z + n0.z) = 1, 1/m; q n0.z, m; N0 / 2 in
-    /// codes; what R dn.z is multiplied by to have the first part of z. Zeros in the geographic partition.
+    /// In a cap, with q the metres a code and b = N0 / 2 q: b x for a metre of R dn.z and for q (n.z + n0.z) = 1, codes a square
+    /// metre; q n0.z, m; 3 / 4 b, a code; what R dn.z is multiplied by to have the first part of z. Zeros in the geographic partition.
     #[must_use]
     pub const fn bulge(&self) -> [f64; 4] {
         match self.place {
@@ -272,8 +273,8 @@ mod tests {
                 o[2] + row[1] + rise * row[3],
             ];
         }
-        let x = bulge[0] * across[0] * (up[0] + bulge[1]);
-        let more = x * (1.0 + 0.75 * x) * bulge[2];
+        let less = bulge[0] * across[0] * (up[0] + bulge[1]);
+        let more = less + less * less * bulge[2];
         let (wide, deep) = (more + rise, 0.993_305_6 * more + rise);
         [
             o[0] + across[1] + wide * up[1],

@@ -17,7 +17,7 @@ use glasswing::gl::Gpu;
 use glasswing::screen::Screen;
 use glasswing::terrain::codec::{SurfaceKind, Tile};
 use glasswing::terrain::grid::{Grid, TileKey};
-use glasswing::terrain::pack::{Bounds, PackInfo, PostRect, TileError, TileReader};
+use glasswing::terrain::pack::{Bounds, LevelErrors, PackInfo, PostRect, TileError, TileReader};
 use glasswing::terrain::surface::TileSource;
 use glasswing::units::Radians;
 use std::rc::Rc;
@@ -65,6 +65,7 @@ fn info(posts_per_degree: u32) -> PackInfo {
         void_posts: 0,
         water_posts: 0,
         bytes: 0,
+        level_errors: LevelErrors::default(),
     }
 }
 

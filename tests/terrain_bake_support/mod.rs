@@ -245,3 +245,74 @@ impl<'a> Posts<'a> {
         )
     }
 }
+
+/// A GeoTIFF of whole metres whose samples stand on points, uncompressed.
+pub(crate) fn write_tiff(
+    path: &Path,
+    (columns, rows): (u32, u32),
+    corner: (f64, f64),
+    step: f64,
+    samples: &[i16],
+) {
+    let chunk: Vec<u8> = samples.iter().flat_map(|h| h.to_le_bytes()).collect();
+    let keys = [
+        1_u16, 1, 0, 3, 1024, 0, 1, 2, 1025, 0, 1, 2, 2048, 0, 1, 4326,
+    ];
+    let fields = vec![
+        Field::longs(256, &[columns]),
+        Field::longs(257, &[rows]),
+        Field::shorts(258, &[16]),
+        Field::shorts(259, &[1]),
+        Field::shorts(262, &[1]),
+        Field::shorts(277, &[1]),
+        Field::longs(278, &[rows]),
+        Field::shorts(339, &[2]),
+        Field::doubles(33_550, &[step, step, 0.0]),
+        Field::doubles(33_922, &[0.0, 0.0, 0.0, corner.0, corner.1, 0.0]),
+        Field::shorts(34_735, &keys),
+    ];
+    fs::write(path, tiff(&[chunk], 273, 279, fields)).expect("written");
+}
+
+/// The angles (v, u), degrees, of a place in a cap: n = (cos u sin v, sin u, cos u cos v) in the north, (cos u sin v, -sin u,
+/// -cos u cos v) in the south.
+pub(crate) fn angles(cap: Partition, longitude: f64, latitude: f64) -> (f64, f64) {
+    let sign = if cap == Partition::South { -1.0 } else { 1.0 };
+    let (sin, cos) = (90.0 - sign * latitude).to_radians().sin_cos();
+    let (sin_l, cos_l) = longitude.to_radians().sin_cos();
+    let (x, y, z) = (sin * cos_l, sign * sin * sin_l, cos);
+    (x.atan2(z).to_degrees(), y.asin().to_degrees())
+}
+
+/// The triangle over a place in posts, as it is drawn: the corners with a weight. The diagonal of a cell runs from the
+/// south-west where its column and row add up to an even number, from the south-east elsewhere.
+pub(crate) fn triangle((x, y): (f64, f64)) -> [((i32, i32), f64); 3] {
+    let (i, j) = (x.floor() as i32, y.floor() as i32);
+    let (fx, fy) = (x - x.floor(), y - y.floor());
+    let post = |di: i32, dj: i32| (i + di, j + dj);
+    let corners = if (i + j).rem_euclid(2) == 0 {
+        let third = if fx >= fy { post(1, 0) } else { post(0, 1) };
+        [
+            (post(0, 0), 1.0 - fx.max(fy)),
+            (third, (fx - fy).abs()),
+            (post(1, 1), fx.min(fy)),
+        ]
+    } else {
+        let (third, share) = if fx + fy <= 1.0 {
+            (post(0, 0), 1.0 - fx - fy)
+        } else {
+            (post(1, 1), fx + fy - 1.0)
+        };
+        let (se, nw) = if fx + fy <= 1.0 {
+            (fx, fy)
+        } else {
+            (1.0 - fy, 1.0 - fx)
+        };
+        [(third, share), (post(1, 0), se), (post(0, 1), nw)]
+    };
+    // A corner without weight may not exist: the heaviest stands for it.
+    let heaviest = corners
+        .iter()
+        .fold(corners[0], |a, b| if b.1 > a.1 { *b } else { a });
+    corners.map(|c| if c.1 > 0.0 { c } else { (heaviest.0, 0.0) })
+}

@@ -13,6 +13,7 @@ use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;
 use crate::gl::look::Palette;
 use crate::screen::{self, ModeWish, Wishes};
+use crate::terrain::reach::TARGET_PX;
 use crate::units::{Knots, Radians};
 use reader::{Problem, Reader};
 use std::path::{Path, PathBuf};
@@ -91,6 +92,8 @@ pub struct TerrainWish {
     pub pack: Option<PathBuf>,
     /// Vertices along the side of a clipmap level: 127, 175, 191, 255, 319 or 447.
     pub vertices: u32,
+    /// Error that pictures may have where levels follow the distance, RMS, pixels.
+    pub target_px: f64,
     /// Height samples uploaded per frame at most.
     pub upload_texels_per_frame: u32,
     /// Whether ground is coloured by its height relative to the aircraft at start.
@@ -307,12 +310,14 @@ fn read_terrain(r: &mut Reader, file: &Path, problems: &mut Vec<Problem>) -> Opt
         .optional_text("pack", problems)
         .map(|p| file.parent().unwrap_or(Path::new("")).join(p));
     let vertices = r.choice_of_number("vertices", &[127, 175, 191, 255, 319, 447], problems);
+    let target_px = r.number("target_px", TARGET_PX, problems);
     let upload = r.whole("upload_texels_per_frame", 4096..=1_048_576, problems);
     let awareness = r.flag("awareness", problems);
     let grid = r.flag("grid", problems);
     Some(TerrainWish {
         pack,
         vertices: vertices?,
+        target_px: target_px?,
         upload_texels_per_frame: upload?,
         awareness: awareness?,
         grid: grid?,

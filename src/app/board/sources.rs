@@ -19,7 +19,8 @@ pub struct SourceWish {
     pub name: String,
     /// What it speaks.
     pub protocol: Protocol,
-    /// The text of the layout of its lines, where the protocol has one and the board names it; it is one that can be read.
+    /// How the lines of fg-generic are laid out, if not as in the file that comes with this program: a text that has been
+    /// tried.
     pub layout: Option<String>,
     /// Where it is heard.
     pub endpoint: Endpoint,
@@ -75,8 +76,7 @@ impl SourceWish {
     /// A fresh decoder of what it speaks.
     #[must_use]
     pub fn decoder(&self) -> Box<dyn Decoder> {
-        let layout = self.layout.as_deref().map(Layout::parse);
-        match layout {
+        match self.layout.as_deref().map(Layout::parse) {
             Some(Ok(layout)) => Box::new(FgGeneric::new(layout)),
             _ => self.protocol.decoder(),
         }
@@ -96,7 +96,7 @@ impl SourceWish {
     }
 }
 
-/// The sources of the tables `[[source]]` of `file`, in order; what is wrong with any of them is added to `problems`.
+/// The sources of the tables `[[source]]`, in order; what is wrong with any of them is added to `problems`.
 pub(super) fn read(
     tables: Vec<Reader>,
     file: &Path,
@@ -137,6 +137,34 @@ pub(super) fn read(
         problems.push(Problem::new("source", why, todo));
     }
     sources
+}
+
+/// The layout of a source's lines: a protocol file of FlightGear, a relative path being meant beside the board file.
+fn read_layout(
+    r: &mut Reader,
+    protocol: Option<Protocol>,
+    file: &Path,
+    problems: &mut Vec<Problem>,
+) -> Option<String> {
+    let name = r.optional_text("layout", problems)?;
+    let path = file.parent().unwrap_or(Path::new("")).join(&name);
+    let shown = path.display();
+    let (why, todo) = if protocol.is_some_and(|p| p != Protocol::FgGeneric) {
+        ("is for fg-generic only".to_owned(), "leave it out")
+    } else {
+        match std::fs::read_to_string(&path) {
+            Err(e) => (
+                format!("{shown} cannot be read: {e}"),
+                "name a protocol file of FlightGear",
+            ),
+            Ok(text) => match Layout::parse(&text) {
+                Ok(_) => return Some(text),
+                Err(e) => (format!("{shown}: {e}"), e.todo()),
+            },
+        }
+    };
+    problems.push(Problem::new(&r.path("layout"), why, todo));
+    None
 }
 
 /// The one endpoint of a source, whichever kind it is.
@@ -269,32 +297,4 @@ fn read_serial(r: &mut Reader, problems: &mut Vec<Problem>) -> Option<Endpoint> 
 fn not_without(r: &Reader, key: &str, other: &str) -> Problem {
     let why = format!("is given without {other}");
     Problem::new(&r.path(key), why, format!("give {other}, or remove it"))
-}
-
-/// The layout of a source's lines: a file beside the board file, read and tried.
-fn read_layout(
-    r: &mut Reader,
-    protocol: Option<Protocol>,
-    file: &Path,
-    problems: &mut Vec<Problem>,
-) -> Option<String> {
-    let name = r.optional_text("layout", problems)?;
-    let path = file.parent().unwrap_or(Path::new("")).join(&name);
-    let mut problem = |why: String, todo: &str| {
-        problems.push(Problem::new(&r.path("layout"), why, todo));
-        None
-    };
-    if protocol.is_some_and(|p| p != Protocol::FgGeneric) {
-        return problem("is for fg-generic only".to_owned(), "leave it out");
-    }
-    match std::fs::read_to_string(&path) {
-        Err(e) => problem(
-            format!("{} cannot be read: {e}", path.display()),
-            "name a protocol file of FlightGear, beside the board file or with its whole path",
-        ),
-        Ok(text) => match Layout::parse(&text) {
-            Err(e) => problem(format!("{} cannot be used: {e}", path.display()), e.todo()),
-            Ok(_) => Some(text),
-        },
-    }
 }

@@ -274,3 +274,44 @@ fn corners_are_flown_as_turns() {
         flight.duration()
     );
 }
+
+#[test]
+fn the_state_finds_nothing_wrong_with_a_flight_without_noise() {
+    use crate::state::{Compared, Fusion};
+    let flight = flight();
+    let mut decoder = Protocol::CanAerospace.decoder();
+    let mut fusion = Fusion::new(&[SourceId(0)]);
+    let mut sensors = Sensors::new();
+    let start = Monotonic::from_nanos(1_000_000_000);
+    let mut t = Duration::ZERO;
+    while t < flight.duration() {
+        sensors.send_until(&flight, t, &mut |after, can| {
+            let frame = Frame {
+                at: start.plus(after),
+                source: SourceId(0),
+                wire: Wire::Can(can),
+            };
+            decoder.push(frame, &mut |signal: crate::signal::Signal| {
+                fusion.apply(&signal);
+            });
+        });
+        let now = start.plus(t);
+        let state = fusion.step(now);
+        for p in [
+            Parameter::Pitch,
+            Parameter::Roll,
+            Parameter::HeadingTrue,
+            Parameter::IndicatedAirspeed,
+            Parameter::PressureAltitude,
+            Parameter::Latitude,
+        ] {
+            let value = state.read(p, now);
+            let early = t < Duration::from_millis(500);
+            assert!(early || value.is_ok(), "{p:?} at {t:?}: {value:?}");
+            assert_eq!(state.fallback(p, now), None, "{p:?} at {t:?}");
+        }
+        let disagrees = Compared::ALL.iter().any(|c| state.miscompares(*c));
+        assert!(!disagrees, "one source cannot disagree");
+        t += Duration::from_millis(20);
+    }
+}

@@ -2,20 +2,22 @@
 
 use crate::app::error::Failure;
 use crate::app::measure::bench::{Bench, camera};
-use crate::app::measure::pop::{self, Path};
-use crate::app::measure::surface::{self, Spread, Surface};
-use crate::app::measure::watertight::{self, Found};
+use crate::app::measure::flights;
+use crate::app::measure::poses::{Found, Search};
+use crate::app::measure::surface::{self, Spread, Surface, Truth};
 use crate::app::measure::{Progress, position};
 use crate::geo::Camera;
 use crate::gl::Gpu;
-use crate::terrain::clipmap::Shape;
-use crate::terrain::partition::{Partition, SEAM_HYSTERESIS_DEG, SEAM_LATITUDE_DEG};
+use crate::terrain::pack::PackInfo;
+use crate::terrain::partition::Partition;
 use crate::terrain::planet::{Kind, Planet};
+use crate::terrain::scene::Settings;
 use crate::terrain::surface::{Damage, Sampler, TileSource};
 use crate::terrain::tables::HeightCode;
 use crate::terrain::truth::Field;
 use glam::DVec3;
 use serde_json::{Value, json};
+use std::path::PathBuf;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -30,15 +32,42 @@ pub fn benchmark() -> Camera {
     )
 }
 
+/// A part of the measurement.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Part {
+    /// Where the vertex shader puts vertices, at every hard case
+    Positions,
+    /// Surface, skyline, summits and normals of views
+    Scenes,
+    /// Holes, popping and swimming along flights
+    Flights,
+    /// Holes in random views
+    Holes,
+}
+
 /// How much is measured.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Effort {
+    /// What is measured; everything if `None`.
+    pub only: Option<Part>,
     /// Random views that are looked at for holes.
     pub poses: usize,
+    /// Number of the first of them.
+    pub first_pose: usize,
     /// Seconds of each flight.
     pub seconds: f64,
     /// How far from the eye rays are cast, metres.
     pub reach_m: f64,
+    /// Views that are measured besides.
+    pub views: Vec<Camera>,
+    /// Folder for contact sheets of the flights.
+    pub sheets: Option<PathBuf>,
+}
+
+impl Effort {
+    fn does(&self, part: Part) -> bool {
+        self.only.is_none_or(|only| only == part)
+    }
 }
 
 /// A view of a source with a name.
@@ -50,29 +79,26 @@ pub struct Scene {
     pub camera: Camera,
 }
 
-/// The views that a source is measured in: the benchmark view where there is ground for it, and the middle of what the
-/// source covers from 100 m, 3 km and 12 km above the ground.
+/// The views that a source is measured in: the benchmark view where there is ground for it, and a place, degrees
+/// north and east, from 100 m, 3 km and 12 km above the ground; and `views`.
 ///
 /// # Errors
 /// When the ground under them does not become resident.
-pub fn scenes<S: TileSource>(bench: &mut Bench, source: &S) -> Result<Vec<Scene>, Failure> {
+pub fn scenes<S: TileSource>(
+    bench: &mut Bench,
+    source: &S,
+    middle: (f64, f64),
+    views: &[Camera],
+) -> Result<Vec<Scene>, Failure> {
     let b = source.info().bounds;
     let inside = |lat: f64, lon: f64| {
         (b.south_deg..=b.north_deg).contains(&lat) && (b.west_deg..=b.east_deg).contains(&lon)
     };
     let mut scenes = Vec::new();
-    if inside(-32.6, -70.3) {
+    let whole = b.east_deg - b.west_deg > 350.0;
+    if inside(-32.6, -70.3) && !whole {
         scenes.push(("benchmark view".to_owned(), benchmark()));
     }
-    let whole = b.east_deg - b.west_deg > 350.0;
-    let middle = if whole {
-        (46.5, 8.0)
-    } else {
-        (
-            f64::midpoint(b.south_deg, b.north_deg),
-            f64::midpoint(b.west_deg, b.east_deg),
-        )
-    };
     let mut over =
         |name: &str, (lat, lon): (f64, f64), above_m: f64, pitch: f64| -> Result<(), Failure> {
             let view = camera((lat, lon, above_m), (215.0, pitch, 0.0), 60.0, (1024, 600));
@@ -84,6 +110,16 @@ pub fn scenes<S: TileSource>(bench: &mut Bench, source: &S) -> Result<Vec<Scene>
     over("12 km above the ground", middle, 12_000.0, -12.0)?;
     if whole {
         over("300 m above the north pole", (90.0, 0.0), 300.0, -4.0)?;
+    }
+    for view in views {
+        let eye = view.eye;
+        let (lat, lon) = (eye.latitude.to_degrees(), eye.longitude.to_degrees());
+        let heading = view.attitude.heading_true.to_degrees();
+        let name = format!(
+            "{lat:.4}, {lon:.4}, {:.0} m, heading {heading:.0}",
+            eye.height_ellipsoid.0
+        );
+        scenes.push((name, *view));
     }
     Ok(scenes
         .into_iter()
@@ -100,12 +136,12 @@ pub fn measure_scene<S: TileSource>(
     source: &S,
     scene: &Scene,
     reach_m: f64,
-) -> Result<(Surface, Field, usize), Failure> {
+) -> Result<(Surface, Truth, usize), Failure> {
     let figures = bench.settle(&scene.camera)?;
     let partition = bench.partition().unwrap_or_default();
-    let field = Field::load(source, partition, &scene.camera.eye, reach_m);
-    let surface = surface::measure(bench, &field, &scene.camera)?;
-    Ok((surface, field, figures.triangles))
+    let truth = Truth::of(source, partition, &scene.camera, reach_m);
+    let surface = surface::measure(bench, &truth, &scene.camera)?;
+    Ok((surface, truth, figures.triangles))
 }
 
 /// Angles between the normals that shading uses and those of the surface through the same posts, degrees.
@@ -143,103 +179,83 @@ pub fn normals<S: TileSource>(source: &S, partition: Partition, field: &Field) -
     Spread::of(angles)
 }
 
+/// The middle of what a source covers, degrees north and east; of a whole Earth, the Alps.
+#[must_use]
+pub fn middle(info: &PackInfo) -> (f64, f64) {
+    let b = info.bounds;
+    if b.east_deg - b.west_deg > 350.0 {
+        return (46.5, 8.0);
+    }
+    (
+        f64::midpoint(b.south_deg, b.north_deg),
+        f64::midpoint(b.west_deg, b.east_deg),
+    )
+}
+
+/// The mountains of the planet in memory, degrees north and east.
+#[must_use]
+pub fn mountains(planet: &Planet) -> (f64, f64) {
+    (46.5, planet.mountains_deg(46.5))
+}
+
 /// What is measured of one source beside positions and holes.
 struct OfSource {
     scenes: Vec<Value>,
-    pops: Vec<Value>,
-    pop_px_max: f64,
     normal_deg: Spread,
 }
 
 fn of_source<S: TileSource>(
     bench: &mut Bench,
     source: &S,
-    effort: Effort,
+    middle: (f64, f64),
+    effort: &Effort,
     label: &str,
     progress: &Progress,
 ) -> Result<OfSource, Failure> {
     let mut out = OfSource {
         scenes: Vec::new(),
-        pops: Vec::new(),
-        pop_px_max: 0.0,
         normal_deg: Spread::default(),
     };
-    let scenes = scenes(bench, source)?;
+    let scenes = scenes(bench, source, middle, &effort.views)?;
     for scene in &scenes {
         progress.say(&format!("{label}: {}", scene.name));
-        let (surface, field, triangles) = measure_scene(bench, source, scene, effort.reach_m)?;
+        let (surface, truth, triangles) = measure_scene(bench, source, scene, effort.reach_m)?;
         let partition = bench.partition().unwrap_or_default();
         let mut row = surface.report();
         row["name"] = json!(format!("{label}: {}", scene.name));
         row["triangles"] = json!(triangles);
         row["draw_calls"] = json!(bench.terrain.draw_calls());
         out.scenes.push(row);
-        let normals = normals(source, partition, &field);
+        let normals = normals(source, partition, &truth.field);
         if normals.max > out.normal_deg.max {
             out.normal_deg = normals;
         }
     }
-    for (name, path, seconds) in paths(source, &scenes, effort.seconds) {
-        let start = path.point(0.0);
-        let partition = Partition::at(start.latitude.to_degrees(), None);
-        let partition = if source.has(partition) {
-            partition
-        } else {
-            Partition::Geographic
-        };
-        let field = Field::load(source, partition, &start, effort.reach_m.min(40_000.0));
-        let name = format!("{label}: {name}");
-        let pops = pop::fly(bench, &field, &path, seconds, &mut |at, of| {
-            progress.at(&name, at as usize, of as usize);
-        })?;
-        out.pop_px_max = out.pop_px_max.max(pops.px_max);
-        out.pops.push(pops.report(&name));
-    }
     Ok(out)
 }
 
-/// The flights over a source: a low one over its middle, and over the seams where it has caps.
-fn paths<S: TileSource>(
-    source: &S,
-    scenes: &[Scene],
-    seconds: f64,
-) -> Vec<(&'static str, Path, f64)> {
-    let view = ((1024, 600), 60.0);
-    let middle = scenes.iter().find(|s| s.name.starts_with("100 m"));
-    let mut paths = Vec::new();
-    if let Some(scene) = middle {
-        let eye = scene.camera.eye;
-        let from_deg = (eye.latitude.to_degrees(), eye.longitude.to_degrees());
-        paths.push((
-            "100 m above the ground",
-            Path {
-                from_deg,
-                heading_deg: 215.0,
-                speed_mps: 60.0,
-                above_m: 100.0,
-                view,
-            },
-            seconds,
-        ));
-    }
-    if source.has(Partition::North) {
-        // The parallel is passed in the middle of the flight.
-        let half_deg = 100.0 * seconds / 4.0 / 111_320.0;
-        let across = |(lat, lon)| Path {
-            from_deg: (lat - half_deg, lon),
-            heading_deg: 0.0,
-            speed_mps: 100.0,
-            above_m: 300.0,
-            view,
-        };
-        paths.push(("across 45 N", across((45.0, 7.0)), seconds / 2.0));
-        paths.push((
-            "across the seam at 70 N",
-            across((SEAM_LATITUDE_DEG + SEAM_HYSTERESIS_DEG, 20.0)),
-            seconds / 2.0,
-        ));
-    }
-    paths
+/// The key `watertight`.
+fn look_for_holes<S: TileSource>(
+    gpu: &Rc<Gpu>,
+    pack: Option<&Arc<S>>,
+    settings: Settings,
+    effort: &Effort,
+    progress: &Progress,
+) -> Result<Value, Failure> {
+    let search = Search {
+        gpu,
+        settings,
+        numbers: effort.first_pose..effort.first_pose.saturating_add(effort.poses),
+    };
+    let mut holes = 0;
+    let found = search.run(pack, &mut |found: &Found| {
+        if found.holes > holes {
+            holes = found.holes;
+            progress.note(found.where_.last().map_or("", String::as_str));
+        }
+        progress.at("views looked at for holes", found.poses, effort.poses);
+    })?;
+    Ok(found.report(effort.first_pose))
 }
 
 /// The one with the largest maximum.
@@ -254,77 +270,88 @@ fn worst(spreads: impl Iterator<Item = Spread>) -> Spread {
 pub fn run<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
-    shape: Shape,
-    effort: Effort,
+    settings: Settings,
+    effort: &Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-    let mut bench = Bench::new(gpu, &planet, shape)?;
-    let (cases, levels) =
-        position::all_cases(&mut bench, &mut |at, of| progress.at("positions", at, of))?;
-    let (position, cases) = position::report(&cases, &levels);
-    let mut sources = vec![of_source(
-        &mut bench,
-        planet.as_ref(),
-        effort,
-        "planet",
-        progress,
-    )?];
-    drop(bench);
-    let mut found = Found::default();
-    let mut seen = 0;
-    let mut count = |n: usize| {
-        seen += n;
-        progress.at("views looked at for holes", seen, effort.poses);
-    };
-    if let Some(pack) = pack {
-        let mut bench = Bench::new(gpu, pack, shape)?;
-        sources.push(of_source(
+    let mut document = json!({
+        "vertices": settings.shape.vertices(),
+        "target_px": settings.target_px,
+        "gpu": gpu.caps().renderer,
+    });
+    let mut bench = Bench::new(gpu, &planet, settings)?;
+    if effort.does(Part::Positions) {
+        let (cases, levels) =
+            position::all_cases(&mut bench, &mut |at, of| progress.at("positions", at, of))?;
+        (document["position"], document["cases"]) = position::report(&cases, &levels);
+    }
+    let mut flown = Vec::new();
+    if effort.does(Part::Flights) {
+        let over = pack.map(|pack| pack.info());
+        let paths = flights::over_planet(&planet, over, effort.seconds);
+        flown = flights::fly(
             &mut bench,
-            pack.as_ref(),
+            planet.as_ref(),
+            paths,
             effort,
-            "pack",
+            "planet",
             progress,
-        )?);
-        found.add(watertight::of_pack(
-            &mut bench,
-            pack.as_ref(),
-            effort.poses / 3,
-            &mut count,
+        )?;
+    }
+    let mut sources = Vec::new();
+    if let Some(pack) = pack {
+        drop(bench);
+        let mut bench = Bench::new(gpu, pack, settings)?;
+        if effort.does(Part::Scenes) {
+            let (pack, at) = (pack.as_ref(), middle(pack.info()));
+            sources.push(of_source(&mut bench, pack, at, effort, "pack", progress)?);
+        }
+        if effort.does(Part::Flights) {
+            let paths = flights::over_pack(pack.info(), effort.seconds);
+            flown.extend(flights::fly(
+                &mut bench,
+                pack.as_ref(),
+                paths,
+                effort,
+                "pack",
+                progress,
+            )?);
+        }
+    } else if effort.does(Part::Scenes) {
+        let (planet, at) = (planet.as_ref(), mountains(&planet));
+        sources.push(of_source(
+            &mut bench, planet, at, effort, "planet", progress,
         )?);
     }
-    let left = effort.poses - found.poses.min(effort.poses);
-    found.add(watertight::on_planets(gpu, shape, left, &mut count)?);
-    let all = |of: fn(&OfSource) -> &Vec<Value>| {
-        sources
-            .iter()
-            .flat_map(|s| of(s).clone())
-            .collect::<Vec<_>>()
-    };
+    if effort.does(Part::Flights) {
+        flights::report(&mut document, &flown);
+    }
+    if effort.does(Part::Scenes) {
+        scenes_report(&mut document, &sources);
+    }
+    if effort.does(Part::Holes) {
+        document["watertight"] = look_for_holes(gpu, pack, settings, effort, progress)?;
+    }
+    Ok(document)
+}
+
+/// The keys of what was measured of views.
+fn scenes_report(document: &mut Value, sources: &[OfSource]) {
     let worst = worst(sources.iter().map(|s| s.normal_deg));
-    Ok(json!({
-        "position": position,
-        "cases": cases,
-        "watertight": found.report(),
-        "pop_px_max": sources.iter().map(|s| s.pop_px_max).fold(0.0, f64::max),
-        "pop": {
-            "paths": all(|s| &s.pops),
-            "how": "change of the drawn surface's height from one frame to the next (1/60 s) at fixed points of the ground, \
-                    300 m apart within 25 km, times focal length over distance; points in the picture, hidden ones too",
-        },
-        "scenes": all(|s| &s.scenes),
-        "scenes_how": "surf_px: height of the point drawn at each pixel less that of the bilinear surface of the finest \
-                       posts at its place, times focal length over distance; nearer than three posts apart (surf_near_px); \
-                       range, skyline and summits against rays cast in f64 through the same surface",
-        "normal_deg": {
-            "rms": worst.rms,
-            "p99": worst.p99,
-            "max": worst.max,
-            "posts": worst.count,
-            "how": "normals of the finest level as shading reads them, against the cross product of the chords between the \
-                    post's neighbours in space",
-        },
-        "vertices": shape.vertices(),
-        "gpu": gpu.caps().renderer,
-    }))
+    document["scenes"] = sources.iter().flat_map(|s| s.scenes.clone()).collect();
+    document["scenes_how"] = json!(
+        "surf_px: height of the point drawn at each pixel less that of the bilinear surface of the finest \
+         posts at its place, times focal length over distance; ground nearer than eight posts apart: near_px the same there, \
+         near_finest_px there against the triangles of the finest posts, surf_finest_px so for all pixels; \
+         range, skyline and summits against rays cast in f64 through the same surface"
+    );
+    document["normal_deg"] = json!({
+        "rms": worst.rms,
+        "p99": worst.p99,
+        "max": worst.max,
+        "posts": worst.count,
+        "how": "normals of the finest level as shading reads them, against the cross product of the chords between the \
+                post's neighbours in space",
+    });
 }

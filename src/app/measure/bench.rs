@@ -22,7 +22,9 @@ pub const QUOTA: usize = 65_536;
 /// A view that is not settled by now never will be.
 const SETTLE_MAX: Duration = Duration::from_secs(120);
 /// How long to leave the streaming thread alone between two looks at what it has done.
-const PAUSE: Duration = Duration::from_micros(300);
+const PAUSE: Duration = Duration::from_micros(500);
+/// Texels a frame while nothing is flown: everything that has arrived.
+const SETTLE_QUOTA: usize = 1 << 22;
 
 /// A view: degrees north, degrees east, metres above the ellipsoid; heading, pitch and roll in degrees; the horizontal
 /// field of view in degrees; the size in pixels.
@@ -55,25 +57,22 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// For a source, with so many vertices along a side of a level.
+    /// For a source, drawn by these settings, or with so many vertices along a side of a level.
     ///
     /// # Errors
     /// With what the GPU or the system refuses.
     pub fn new<S: TileSource>(
         gpu: &Rc<Gpu>,
         source: &Arc<S>,
-        shape: Shape,
+        settings: impl Into<Settings>,
     ) -> Result<Self, Failure> {
-        let settings = Settings {
-            shape,
-            ..Settings::default()
-        };
+        let settings = settings.into();
         let terrain =
             TerrainRenderer::new(gpu, settings, Arc::clone(source)).map_err(|e| refused(&e))?;
         Ok(Self {
             gpu: Rc::clone(gpu),
             terrain,
-            shape,
+            shape: settings.shape,
             recorder: None,
             targets: Vec::new(),
         })
@@ -86,7 +85,7 @@ impl Bench {
     pub fn settle(&mut self, camera: &Camera) -> Result<FrameFigures, Failure> {
         let begun = Monotonic::read();
         loop {
-            let figures = self.step(camera, QUOTA)?;
+            let figures = self.step(camera, SETTLE_QUOTA)?;
             if figures.settled {
                 return Ok(figures);
             }
@@ -210,6 +209,16 @@ impl Dice {
     #[must_use]
     pub const fn new(seed: u64) -> Self {
         Self(seed)
+    }
+
+    /// For the thing of a number among those of a kind.
+    #[must_use]
+    pub fn of(kind: i64, number: usize) -> Self {
+        Self(crate::terrain::synth_noise::hash(
+            number.cast_signed() as i64,
+            kind,
+            0,
+        ))
     }
 
     /// Between `low` and `high`.

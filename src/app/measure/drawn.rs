@@ -37,6 +37,25 @@ struct Placed {
     first: Vec<u32>,
 }
 
+/// The surface as drawn at a point of the ground.
+#[derive(Clone, Copy, Debug)]
+pub struct Drawn {
+    /// Height above the ellipsoid, metres, the flatness of triangles made up for.
+    pub height_m: f64,
+    /// Where it is drawn, from the eye, Earth-centred axes, metres.
+    pub from_eye_m: DVec3,
+    /// By which level.
+    pub level: u8,
+}
+
+impl Drawn {
+    const NOWHERE: Self = Self {
+        height_m: f64::NAN,
+        from_eye_m: DVec3::NAN,
+        level: 0,
+    };
+}
+
 /// A corner of a triangle: finest posts east and north, metres above the ellipsoid.
 type Corner = DVec3;
 
@@ -75,13 +94,21 @@ impl Points {
             .then(|| to.length())
     }
 
-    /// Height of the drawn surface at each point, metres above the ellipsoid; not a number where no visible block covers it.
+    /// How far beside its vertical a point is drawn, metres; `eye`: Earth-centred.
+    #[must_use]
+    pub fn beside_m(&self, at: usize, eye: DVec3, drawn: &Drawn) -> f64 {
+        let off = eye + drawn.from_eye_m - self.ecef[at];
+        let up = -self.points[at].ned_to_ecef().z_axis;
+        (off - up * up.dot(off)).length()
+    }
+
+    /// The drawn surface at each point; not numbers where no visible block covers it.
     ///
     /// # Errors
     /// With what the GPU refuses.
-    pub fn heights(&mut self, bench: &mut Bench) -> Result<Vec<f64>, Failure> {
+    pub fn drawn(&mut self, bench: &mut Bench) -> Result<Vec<Drawn>, Failure> {
         let (terrain, recorder) = bench.recorder()?;
-        let mut out = vec![f64::NAN; self.points.len()];
+        let mut out = vec![Drawn::NOWHERE; self.points.len()];
         let Some(scene) = terrain.scene() else {
             return Ok(out);
         };
@@ -108,10 +135,8 @@ impl Points {
                 };
                 for block in vertices.chunks_exact(corners) {
                     for t in indices.chunks_exact(3) {
-                        placed.under(
-                            [0, 1, 2].map(|k| corner(&block[usize::from(t[k])])),
-                            &mut out,
-                        );
+                        let vertices = [0, 1, 2].map(|k| &block[usize::from(t[k])]);
+                        placed.under(level.level, vertices, vertices.map(corner), &mut out);
                     }
                 }
             })
@@ -165,8 +190,8 @@ impl Placed {
         }
     }
 
-    /// Gives the points that lie in a triangle its height.
-    fn under(&self, corners: [Corner; 3], out: &mut [f64]) {
+    /// Gives the points that lie in a triangle its height and position.
+    fn under(&self, level: u8, vertices: [&Vertex; 3], corners: [Corner; 3], out: &mut [Drawn]) {
         let [a, b, c] = corners;
         let area = (b.x - a.x) * (c.y - a.y) - (c.x - a.x) * (b.y - a.y);
         if area <= 0.0 {
@@ -193,8 +218,15 @@ impl Placed {
                     };
                     let shares = [side(b, c), side(c, a), side(a, b)].map(|s| s / area);
                     if shares.iter().all(|&s| s >= 0.0) {
-                        let level: f64 = corners.iter().zip(shares).map(|(v, s)| s * v.z).sum();
-                        out[k as usize] = level - self.sag_m(corners, shares);
+                        let flat_m: f64 = corners.iter().zip(shares).map(|(v, s)| s * v.z).sum();
+                        let at = vertices.iter().zip(shares);
+                        out[k as usize] = Drawn {
+                            level,
+                            height_m: flat_m - self.sag_m(corners, shares),
+                            from_eye_m: at
+                                .map(|(v, s)| DVec3::from_array(v.position_m.map(f64::from)) * s)
+                                .sum(),
+                        };
                     }
                 }
             }

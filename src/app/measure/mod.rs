@@ -1,11 +1,15 @@
 //! `glasswing measure`: figures of the terrain, each with how it was obtained.
+#![expect(clippy::print_stderr, reason = "the command's notes")]
 
 pub mod accuracy;
 pub mod bench;
 pub mod drawn;
+pub mod flight;
+pub mod flights;
 pub mod plot;
-pub mod pop;
+pub mod poses;
 pub mod position;
+pub mod sheet;
 pub mod speed;
 pub mod surface;
 pub mod table;
@@ -16,9 +20,11 @@ use crate::app::error::{Failure, Kind};
 use crate::app::out;
 use crate::app::picture::Size;
 use crate::app::shot::{self, Backend};
+use crate::geo::Camera;
 use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
+use crate::terrain::scene::{self, Settings};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -50,9 +56,13 @@ pub struct CommonArgs {
     /// Write all figures to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write plots (SVG) into this folder
+    /// Write plots (SVG), and contact sheets of flights (PNG), into this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+    /// Measure this view too: degrees north and east, metres above the ellipsoid, heading and pitch in degrees; 1024x600
+    /// pixels, 60 degrees across. May be given several times
+    #[arg(long, value_name = "LAT,LON,HEIGHT,HEADING,PITCH", value_parser = parse_view, allow_hyphen_values = true)]
+    view: Vec<Camera>,
     /// How far from the eye the truth reaches: rays are cast through the finest posts within this, kilometres
     #[arg(long, value_name = "KM", default_value_t = 130.0, value_parser = parse_positive)]
     reach: f64,
@@ -75,12 +85,21 @@ pub struct AccuracyArgs {
     /// Random views that are looked at for holes
     #[arg(long, value_name = "N", default_value_t = 10_000)]
     poses: usize,
-    /// Seconds of each flight that is watched for popping
-    #[arg(long, value_name = "S", default_value_t = 60.0, value_parser = parse_positive)]
+    /// Number of the first of them: to look at one again, or to share them out
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    first_pose: usize,
+    /// Measure this part only
+    #[arg(long, value_enum)]
+    only: Option<accuracy::Part>,
+    /// Seconds of each flight that is watched for holes, popping and swimming
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = parse_positive)]
     seconds: f64,
     /// Vertices along a side of a level
     #[arg(long, value_name = "N", value_parser = parse_shape)]
     vertices: Option<Shape>,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
 }
 
 /// Arguments of `measure speed`.
@@ -94,6 +113,9 @@ pub struct SpeedArgs {
     /// Vertices along a side of a level; may be given several times
     #[arg(long, value_name = "N", value_parser = parse_shape)]
     vertices: Vec<Shape>,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {
@@ -102,6 +124,27 @@ fn parse_positive(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|v: &f64| v.is_finite() && *v > 0.0);
     number.ok_or_else(|| "a number above 0 is needed".to_owned())
+}
+
+fn parse_view(text: &str) -> Result<Camera, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .filter_map(|v| v.trim().parse().ok())
+        .collect();
+    let camera = match numbers[..] {
+        [lat, lon, height_m, heading, pitch] if text.split(',').count() == 5 => {
+            Some(bench::camera(
+                (lat, lon, height_m),
+                (heading, pitch, 0.0),
+                60.0,
+                (1024, 600),
+            ))
+        }
+        _ => None,
+    };
+    camera.filter(Camera::is_valid).ok_or_else(|| {
+        "five numbers with commas between them are needed, as in 46.3,8.3,2600,120,-4".to_owned()
+    })
 }
 
 fn parse_shape(text: &str) -> Result<Shape, String> {
@@ -119,14 +162,21 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
     match command {
         MeasureCommand::Accuracy(args) => {
             let effort = accuracy::Effort {
+                only: args.only,
                 poses: args.poses,
+                first_pose: args.first_pose,
                 seconds: args.seconds.clamp(0.1, 600.0),
                 reach_m: args.common.reach_m(),
+                views: args.common.view.clone(),
+                sheets: args.common.plot.clone(),
             };
-            let shape = args.vertices.unwrap_or(Shape::DEFAULT);
+            let settings = Settings {
+                target_px: args.target_px,
+                ..args.vertices.unwrap_or(Shape::DEFAULT).into()
+            };
             measured(
                 &args.common,
-                |gpu, pack, progress| accuracy::run(gpu, pack, shape, effort, progress),
+                |gpu, pack, progress| accuracy::run(gpu, pack, settings, &effort, progress),
                 |value| (table::accuracy(value), plot::accuracy(value)),
             )
         }
@@ -136,8 +186,9 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                 let effort = speed::Effort {
                     frames: args.frames.max(2),
                     reach_m: args.common.reach_m(),
+                    views: args.common.view.clone(),
                 };
-                speed::run(gpu, pack, &args.vertices, effort, progress)
+                speed::run(gpu, pack, &args.vertices, args.target_px, &effort, progress)
             },
             |value| (table::speed(value), plot::speed(value)),
         ),
@@ -221,7 +272,8 @@ impl Progress {
     /// At its beginning.
     #[must_use]
     fn new() -> Self {
-        let style = ProgressStyle::with_template("{wide_bar} {msg} {pos} of {len}");
+        let style =
+            ProgressStyle::with_template("{wide_bar} {msg} {pos} of {len}, {per_sec}, {eta} left");
         Self {
             bar: ProgressBar::new(0)
                 .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar())),
@@ -234,6 +286,11 @@ impl Progress {
         Self {
             bar: ProgressBar::hidden(),
         }
+    }
+
+    /// Says something that stays.
+    pub fn note(&self, what: &str) {
+        self.bar.suspend(|| eprintln!("{what}"));
     }
 
     /// Says what is being done.

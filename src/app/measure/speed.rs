@@ -12,8 +12,9 @@
 use crate::app::error::Failure;
 use crate::app::figures::Histogram;
 use crate::app::measure::Progress;
-use crate::app::measure::accuracy::{Scene, measure_scene, scenes};
+use crate::app::measure::accuracy::{Scene, middle, mountains, scenes};
 use crate::app::measure::bench::{Bench, QUOTA};
+use crate::app::measure::surface::{self, Truth};
 use crate::geo::Camera;
 use crate::gl::Gpu;
 use crate::gl::look::Look;
@@ -37,12 +38,14 @@ pub const VERTICES: [u32; 5] = [63, 127, 191, 255, 383];
 const SPEED_MPS: f64 = 100.0;
 
 /// How much is measured.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Effort {
     /// Frames of each run.
     pub frames: u32,
     /// How far from the eye rays are cast, metres.
     pub reach_m: f64,
+    /// Views that are measured besides.
+    pub views: Vec<Camera>,
 }
 
 /// CPU time of the process or the thread.
@@ -135,11 +138,7 @@ impl Sink for Nowhere {
 }
 
 impl Planner {
-    fn new<S: TileSource>(source: &Arc<S>, shape: Shape) -> Result<Self, Failure> {
-        let settings = Settings {
-            shape,
-            ..Settings::default()
-        };
+    fn new<S: TileSource>(source: &Arc<S>, settings: Settings) -> Result<Self, Failure> {
         let world = World::new(source, settings).map_err(Failure::no_thread)?;
         let nowhere = vec![Nowhere; world.scenes().len()];
         Ok(Self { world, nowhere })
@@ -171,48 +170,78 @@ impl Planner {
     }
 }
 
-/// Measures a source at one size of level: a row for each scene, still and moving.
+/// Measures a source by some settings: for each scene a row for each, still and moving.
 fn of_source<S: TileSource>(
     gpu: &Rc<Gpu>,
     source: &Arc<S>,
-    shape: Shape,
-    effort: Effort,
+    middle: (f64, f64),
+    settings: &[Settings],
+    effort: &Effort,
     label: &str,
     progress: &Progress,
 ) -> Result<Vec<Value>, Failure> {
-    let mut bench = Bench::new(gpu, source, shape)?;
-    let mut planner = Planner::new(source, shape)?;
     let mut rows = Vec::new();
-    for scene in scenes(&mut bench, source.as_ref())? {
-        progress.say(&format!(
-            "{} vertices, {label}: {}",
-            shape.vertices(),
-            scene.name
-        ));
-        let (surface, _, _) = measure_scene(&mut bench, source.as_ref(), &scene, effort.reach_m)?;
-        let mut row = surface.report();
-        row["name"] = json!(format!("{label}: {}", scene.name));
-        row["vertices"] = json!(shape.vertices());
-        for (key, moving) in [("still", false), ("moving", true)] {
-            let run = draw(&mut bench, &mut planner, &scene, effort.frames, moving)?;
-            let part = json!({
-                "frame_ms": run.frame.to_json(),
-                "cpu_ms": run.own.to_json(),
-                "process_ms": run.process_ms,
-                "allocations_per_frame": run.allocations,
-                "triangles": run.triangles,
-                "draw_calls": run.draw_calls,
+    let mut bench = Bench::new(gpu, source, Settings::default())?;
+    let scenes = scenes(&mut bench, source.as_ref(), middle, &effort.views)?;
+    drop(bench);
+    let all = scenes.len() * settings.len();
+    for scene in &scenes {
+        // What it should show is the same for all settings, and takes longest.
+        let mut truth = None;
+        for &settings in settings {
+            let name = format!(
+                "{label}: {}, {} vertices",
+                scene.name,
+                settings.shape.vertices()
+            );
+            progress.at(&name, rows.len(), all);
+            let mut bench = Bench::new(gpu, source, settings)?;
+            bench.settle(&scene.camera)?;
+            let partition = bench.partition().unwrap_or_default();
+            let truth = truth.get_or_insert_with(|| {
+                Truth::of(source.as_ref(), partition, &scene.camera, effort.reach_m)
             });
-            if !moving {
-                for (name, value) in part.as_object().into_iter().flatten() {
-                    row[name] = value.clone();
-                }
+            let mut planner = Planner::new(source, settings)?;
+            let surface = surface::measure(&mut bench, truth, &scene.camera)?;
+            let mut row = row_of(&mut bench, &mut planner, scene, effort.frames)?;
+            for (key, value) in surface.report().as_object().into_iter().flatten() {
+                row[key] = value.clone();
             }
-            row[key] = part;
+            row["name"] = json!(format!("{label}: {}", scene.name));
+            row["vertices"] = json!(settings.shape.vertices());
+            row["target_px"] = json!(settings.target_px);
+            rows.push(row);
         }
-        rows.push(row);
     }
     Ok(rows)
+}
+
+/// What is timed of a scene, still and moving.
+fn row_of(
+    bench: &mut Bench,
+    planner: &mut Planner,
+    scene: &Scene,
+    frames: u32,
+) -> Result<Value, Failure> {
+    let mut row = json!({});
+    for (key, moving) in [("still", false), ("moving", true)] {
+        let run = draw(bench, planner, scene, frames, moving)?;
+        let part = json!({
+            "frame_ms": run.frame.to_json(),
+            "cpu_ms": run.own.to_json(),
+            "process_ms": run.process_ms,
+            "allocations_per_frame": run.allocations,
+            "triangles": run.triangles,
+            "draw_calls": run.draw_calls,
+        });
+        if !moving {
+            for (name, value) in part.as_object().into_iter().flatten() {
+                row[name] = value.clone();
+            }
+        }
+        row[key] = part;
+    }
+    Ok(row)
 }
 
 /// Everything: the document of `measure speed`.
@@ -223,21 +252,27 @@ pub fn run<S: TileSource>(
     gpu: &Rc<Gpu>,
     pack: Option<&Arc<S>>,
     shapes: &[Shape],
-    effort: Effort,
+    target_px: f64,
+    effort: &Effort,
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let usual: Vec<Shape> = VERTICES.into_iter().filter_map(Shape::new).collect();
     let shapes = if shapes.is_empty() { &usual } else { shapes };
-    let mut rows = Vec::new();
-    for (at, &shape) in shapes.iter().enumerate() {
-        progress.at("sizes of level", at, shapes.len());
-        if let Some(pack) = pack {
-            rows.extend(of_source(gpu, pack, shape, effort, "pack", progress)?);
-        } else {
-            let planet = Arc::new(Planet::new(Kind::Earth, 1200));
-            rows.extend(of_source(gpu, &planet, shape, effort, "planet", progress)?);
-        }
-    }
+    let settings: Vec<Settings> = shapes
+        .iter()
+        .map(|&shape| Settings {
+            target_px,
+            ..Settings::from(shape)
+        })
+        .collect();
+    let rows = if let Some(pack) = pack {
+        let at = middle(pack.info());
+        of_source(gpu, pack, at, &settings, effort, "pack", progress)?
+    } else {
+        let planet = Arc::new(Planet::new(Kind::Earth, 1200));
+        let at = mountains(&planet);
+        of_source(gpu, &planet, at, &settings, effort, "planet", progress)?
+    };
     Ok(json!({
         "scenes": rows,
         "how": "frame_ms: wall clock from planning to glFinish, 1024x600, terrain alone, no multisampling; cpu_ms: CPU time \

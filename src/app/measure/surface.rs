@@ -2,27 +2,34 @@
 //! bilinear surface of the finest posts ([`crate::terrain::truth`]).
 //!
 //! - `surf_px`: at each pixel, the point that is drawn there; its height less the height of the surface at its latitude and
-//!   longitude, times focal length over distance. Pixels nearer than three posts are kept apart (`near`): there, a triangle
-//!   and a bilinear patch through the same posts differ by more than what is measured. Left out is what rests on posts
-//!   that were never measured.
-//!   `finest_px` is the same against the triangles of the finest posts, with diagonals as drawn: what is left when nothing
+//!   longitude, times focal length over distance. Left out is what rests on posts that were never measured, and
+//!   pixels of ground nearer than eight posts, where a cell is more than a hundred pixels wide and a triangle and a
+//!   bilinear patch through the same posts differ by more than what is measured: those are kept apart (`near`), against the
+//!   bilinear surface and against the triangles of the finest posts.
+//!   `finest_px` is the same for all pixels against the triangles of the finest posts, with diagonals as drawn: what is left when nothing
 //!   coarser is drawn and the choice of a triangle instead of a bilinear patch is taken away. Where the source's data ends
 //!   within a cell or two of what is drawn, the cliff to the sea level beyond is in it: apart too (`edge`).
 //! - `range_m`: distance drawn less distance cast, where both meet ground and their difference is no more than a hundredth of
 //!   it (beyond that the two see different hills: counted as `other_hill`).
 //! - `skyline_px`: in each column, the row of the highest pixel that shows ground, drawn less cast.
 //! - `summits`: posts higher than all around them, in the picture and not hidden: how far the drawn surface lies below the
-//!   data there.
+//!   data there, and how far it may by what the pack states of its levels.
 
 use crate::app::error::Failure;
 use crate::app::measure::bench::Bench;
 use crate::app::measure::drawn::Points;
 use crate::geo::{Camera, Geodetic};
+use crate::limits::LEVELS_MAX;
+use crate::terrain::pack::LevelError;
+use crate::terrain::partition::Partition;
+use crate::terrain::surface::TileSource;
 use crate::terrain::truth::{Cast, Field};
 use serde_json::{Value, json};
 
 /// Nearer than this many posts, errors are kept apart.
-const NEAR_POSTS: f64 = 3.0;
+pub const NEAR_POSTS: f64 = 8.0;
+/// Summits nearer than this many posts are not asked for: a picture shows them as ground.
+const SUMMIT_NEAR_POSTS: f64 = 3.0;
 /// A post is a summit that rises by this much over the posts around it at this many posts.
 const SUMMIT: (usize, f64) = (6, 40.0);
 
@@ -69,8 +76,10 @@ impl Spread {
 pub struct Surface {
     /// Errors of height, pixels.
     pub surf_px: Spread,
-    /// The same nearer than three posts.
+    /// The same nearer than [`NEAR_POSTS`].
     pub near_px: Spread,
+    /// The same there against the triangles of the finest posts.
+    pub near_finest_px: Spread,
     /// The same against the triangles of the finest posts.
     pub finest_px: Spread,
     /// Errors of height where the data ends nearby.
@@ -85,12 +94,8 @@ pub struct Surface {
     pub mismatches: usize,
     /// Errors of the skyline, pixels; `rms` holds the mean.
     pub skyline_px: Spread,
-    /// Summits: how many, and how far the worst is drawn too low, metres and pixels.
-    pub summits: usize,
-    /// See `summits`.
-    pub summit_low_m: f64,
-    /// See `summits`.
-    pub summit_low_px: f64,
+    /// How far each summit in view is drawn too low, the largest in pixels first.
+    pub summits: Vec<Summit>,
 }
 
 impl Surface {
@@ -100,7 +105,9 @@ impl Surface {
         let sky = self.skyline_px;
         json!({
             "surf_px": self.surf_px.report(),
-            "surf_near_px": self.near_px.report(),
+            "near_px": self.near_px.report(),
+            "near_finest_px": self.near_finest_px.report(),
+            "near_posts": NEAR_POSTS,
             "surf_finest_px": self.finest_px.report(),
             "surf_edge_px": self.edge_px.report(),
             "surf_worst": {"column": self.worst.0, "row": self.worst.1, "distance_m": self.worst.2},
@@ -108,23 +115,111 @@ impl Surface {
             "other_hill_pixels": self.other_hill,
             "mismatch_pixels": self.mismatches,
             "skyline_px": {"mean": sky.rms, "p99": sky.p99, "max": sky.max, "columns": sky.count},
-            "summits": {"count": self.summits, "low_m_max": self.summit_low_m, "low_px_max": self.summit_low_px},
+            "summits": self.summits_report(),
         })
     }
 }
 
-/// Measures a settled view against the field around its eye.
+/// A summit in view.
+#[derive(Clone, Copy, Debug)]
+pub struct Summit {
+    /// Its place and its height in the data.
+    pub place: Geodetic,
+    /// From the eye, metres.
+    pub distance_m: f64,
+    /// How far the drawn surface is below the data there, metres; negative above it.
+    pub low_m: f64,
+    /// The same in the picture, pixels.
+    pub low_px: f64,
+    /// How low the source says that it may be, metres.
+    pub stated_low_m: Option<f64>,
+}
+
+impl Summit {
+    /// Whether it is drawn lower than is stated; heights are drawn in steps of a quarter of a metre.
+    fn is_too_low(&self) -> bool {
+        self.stated_low_m
+            .is_some_and(|stated_m| self.low_m > stated_m + 0.5)
+    }
+}
+
+impl Surface {
+    fn summits_report(&self) -> Value {
+        let most = |of: fn(&Summit) -> f64| self.summits.iter().map(of).fold(0.0, f64::max);
+        let row = |s: &Summit| {
+            json!({
+                "latitude": s.place.latitude.to_degrees(),
+                "longitude": s.place.longitude.to_degrees(),
+                "height_ellipsoid_m": s.place.height_ellipsoid.0,
+                "distance_m": s.distance_m,
+                "low_m": s.low_m,
+                "low_px": s.low_px,
+                "stated_low_m": s.stated_low_m,
+            })
+        };
+        json!({
+            "count": self.summits.len(),
+            "low_m_max": most(|s| s.low_m),
+            "low_px_max": most(|s| s.low_px),
+            "low_px_rms": Spread::of(self.summits.iter().map(|s| s.low_px.max(0.0)).collect()).rms,
+            "beyond_stated": self.summits.iter().filter(|s| s.is_too_low()).count(),
+            "high_px_max": most(|s| -s.low_px),
+            "worst": self.summits.iter().take(5).map(row).collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// What a view should show.
+#[derive(Debug)]
+pub struct Truth {
+    /// The ground around its eye.
+    pub field: Field,
+    /// What every pixel should show.
+    cast: Vec<Cast>,
+    /// By how much each level is lower than a summit at most, as the source states it, metres.
+    stated_low_m: [Option<f64>; LEVELS_MAX],
+}
+
+impl Truth {
+    /// Of a view of a source in a partition; rays are cast through the posts within `reach_m`.
+    #[must_use]
+    pub fn of<S: TileSource>(
+        source: &S,
+        partition: Partition,
+        camera: &Camera,
+        reach_m: f64,
+    ) -> Self {
+        let field = Field::load(source, partition, &camera.eye, reach_m);
+        let errors = &source.info().level_errors.0[partition as usize];
+        let low_m = |e: &Option<LevelError>| e.map(|e| f64::from(e.summit_low_m));
+        Self {
+            cast: cast_all(&field, camera),
+            stated_low_m: errors.each_ref().map(low_m),
+            field,
+        }
+    }
+
+    /// How low a summit may be drawn by a level, which is between itself and the next coarser one.
+    fn stated_low_m(&self, level: u8) -> Option<f64> {
+        let at = usize::from(level);
+        let own = *self.stated_low_m.get(at)?;
+        let coarser = self.stated_low_m.get(at + 1).copied().flatten();
+        Some(own?.max(coarser.unwrap_or(0.0)))
+    }
+}
+
+/// Measures a settled view against what it should show.
 ///
 /// # Errors
 /// With what the GPU refuses.
-pub fn measure(bench: &mut Bench, field: &Field, camera: &Camera) -> Result<Surface, Failure> {
+pub fn measure(bench: &mut Bench, truth: &Truth, camera: &Camera) -> Result<Surface, Failure> {
     let drawn = bench.ranges(camera)?;
-    let cast = cast_all(field, camera);
+    let (field, cast) = (&truth.field, &truth.cast);
     let mut out = Surface::default();
     let half_cells = f64::from(bench.shape().cells()) / 2.0;
     heights(field, camera, half_cells, &drawn, &mut out);
     let (mut ranges, mut other, mut mismatches) = (Vec::new(), 0, 0);
-    for (&d, &c) in drawn.iter().zip(&cast) {
+    for (&d, &c) in drawn.iter().zip(cast) {
         let d = f64::from(d);
         match c {
             Cast::Hit(t) if d.is_finite() => {
@@ -140,8 +235,8 @@ pub fn measure(bench: &mut Bench, field: &Field, camera: &Camera) -> Result<Surf
         }
     }
     (out.range_m, out.other_hill, out.mismatches) = (Spread::of(ranges), other, mismatches);
-    out.skyline_px = skyline(camera, &drawn, &cast);
-    summits(bench, field, camera, &mut out)?;
+    out.skyline_px = skyline(camera, &drawn, cast);
+    out.summits = summits(bench, truth, camera)?;
     Ok(out)
 }
 
@@ -151,6 +246,7 @@ fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: 
     let (spacing_m, width) = (field.spacing_m(), camera.width_px as usize);
     let (mut far, mut near, mut finest, mut edge) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut near_finest = Vec::new();
     let mut worst = 0.0;
     for (at, &range) in drawn.iter().enumerate() {
         let range = f64::from(range);
@@ -172,6 +268,7 @@ fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: 
         finest.push(px(ground.triangle_m));
         if range < NEAR_POSTS * spacing_m {
             near.push(error_px);
+            near_finest.push(px(ground.triangle_m));
             continue;
         }
         far.push(error_px);
@@ -182,6 +279,7 @@ fn heights(field: &Field, camera: &Camera, half_cells: f64, drawn: &[f32], out: 
     }
     (out.surf_px, out.near_px) = (Spread::of(far), Spread::of(near));
     (out.finest_px, out.edge_px) = (Spread::of(finest), Spread::of(edge));
+    out.near_finest_px = Spread::of(near_finest);
 }
 
 #[expect(
@@ -241,18 +339,16 @@ fn skyline(camera: &Camera, drawn: &[f32], cast: &[Cast]) -> Spread {
     }
 }
 
-fn summits(
-    bench: &mut Bench,
-    field: &Field,
-    camera: &Camera,
-    out: &mut Surface,
-) -> Result<(), Failure> {
+fn summits(bench: &mut Bench, truth: &Truth, camera: &Camera) -> Result<Vec<Summit>, Failure> {
+    let field = &truth.field;
+    let mut out = Vec::new();
     let eye = camera.eye.to_ecef();
     let to_eye = camera.eye_to_ecef().transpose();
-    let near_m = NEAR_POSTS * field.spacing_m();
+    let near_m = SUMMIT_NEAR_POSTS * field.spacing_m();
     let mut points = Points::new(field.summits(SUMMIT.0, SUMMIT.1));
-    let drawn = points.heights(bench)?;
-    for (at, &height_m) in drawn.iter().enumerate() {
+    let drawn = points.drawn(bench)?;
+    for (at, drawn) in drawn.iter().enumerate() {
+        let height_m = drawn.height_m;
         let Some(distance_m) = points
             .seen(at, eye, camera, &to_eye)
             .filter(|d| *d > near_m)
@@ -265,14 +361,17 @@ fn summits(
         if hidden || height_m.is_nan() {
             continue;
         }
-        out.summits += 1;
         let low_m = data.height_ellipsoid.0 - height_m;
-        out.summit_low_m = out.summit_low_m.max(low_m);
-        out.summit_low_px = out
-            .summit_low_px
-            .max(low_m * camera.focal_px() / distance_m);
+        out.push(Summit {
+            stated_low_m: truth.stated_low_m(drawn.level),
+            place: data,
+            distance_m,
+            low_m,
+            low_px: low_m * camera.focal_px() / distance_m,
+        });
     }
-    Ok(())
+    out.sort_by(|a, b| b.low_px.total_cmp(&a.low_px));
+    Ok(out)
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts of pixels")]

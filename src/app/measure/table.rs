@@ -24,75 +24,111 @@ fn rows<'a>(value: &'a Value, key: &str) -> &'a [Value] {
 #[must_use]
 pub fn accuracy(value: &Value) -> String {
     let mut out = String::new();
+    let how = |out: &mut String, value: &Value| {
+        let _ = writeln!(out, "               {}", text(value, "how"));
+    };
     let position = &value["position"];
-    let _ = writeln!(
-        out,
-        "position       {:.6} px at most, {:.4} m ({} vertices)\n               {}",
-        number(position, &["px_max"]),
-        number(position, &["m_max"]),
-        number(position, &["vertices"]),
-        text(position, "how")
-    );
+    if position.is_object() {
+        let _ = writeln!(
+            out,
+            "position       {:.6} px at most, {:.4} m ({} vertices)",
+            number(position, &["px_max"]),
+            number(position, &["m_max"]),
+            number(position, &["vertices"]),
+        );
+        how(&mut out, position);
+    }
     for case in rows(value, "cases") {
         let (px, m) = (number(case, &["px_max"]), number(case, &["m_max"]));
         let _ = writeln!(out, "  {:38} {px:.6} px {m:9.6} m", text(case, "name"));
     }
     let water = &value["watertight"];
-    let _ = writeln!(
-        out,
-        "watertight     {} of {} views with a hole, {} without terrain yet\n               {}",
-        number(water, &["holes"]),
-        number(water, &["poses"]),
-        number(water, &["without_terrain"]),
-        text(water, "how")
-    );
-    let _ = writeln!(
-        out,
-        "pop            {:.3} px a frame at most\n               {}",
-        number(value, &["pop_px_max"]),
-        text(&value["pop"], "how")
-    );
-    for path in rows(&value["pop"], "paths") {
-        let (px, p999) = (number(path, &["px_max"]), number(path, &["px_p999"]));
+    if water.is_object() {
+        let count = |key: &str| number(water, &[key]);
         let _ = writeln!(
             out,
-            "  {:38} {px:.3} px at most, p99.9 {p999:.3}, {} frames",
-            text(path, "path"),
-            number(path, &["frames"])
+            "watertight     {} views with a hole: {} poses, {} hard cases, {} hungry frames ({} of them without terrain yet)",
+            count("holes"),
+            count("poses"),
+            count("hard_cases"),
+            count("hungry_frames"),
+            count("without_terrain"),
         );
+        how(&mut out, water);
+    }
+    flights(&mut out, value);
+    let normal = &value["normal_deg"];
+    if normal.is_object() {
+        let _ = writeln!(
+            out,
+            "normal         {:.3} deg rms, {:.3} deg at most",
+            number(normal, &["rms"]),
+            number(normal, &["max"]),
+        );
+        how(&mut out, normal);
+        let _ = writeln!(out, "scenes         {}", text(value, "scenes_how"));
+        surfaces(&mut out, rows(value, "scenes"));
+    }
+    out
+}
+
+fn flights(out: &mut String, value: &Value) {
+    if !value["pop"].is_object() {
+        return;
     }
     let _ = writeln!(
         out,
-        "normal         {:.3} deg rms, {:.3} deg at most\n               {}",
-        number(value, &["normal_deg", "rms"]),
-        number(value, &["normal_deg", "max"]),
-        text(&value["normal_deg"], "how")
+        "flights        {:.3} px a frame of pop at most, {:.4} px of swim\n               {}",
+        number(value, &["pop_px_max"]),
+        number(value, &["swim_px_max"]),
+        text(&value["pop"], "how")
     );
-    let _ = writeln!(out, "scenes         {}", text(value, "scenes_how"));
-    surfaces(&mut out, rows(value, "scenes"));
-    out
+    let _ = writeln!(
+        out,
+        "  {:38} pop px max  p99.9  swim px  frames  holes  late  seams",
+        ""
+    );
+    for path in rows(&value["pop"], "paths") {
+        let of = |key: &str| number(path, &[key]);
+        let _ = writeln!(
+            out,
+            "  {:38} {:10.3} {:6.3} {:8.4} {:7} {:6} {:5} {:6}",
+            text(path, "path"),
+            of("px_max"),
+            of("px_p999"),
+            of("swim_px_max"),
+            of("frames"),
+            of("holes"),
+            of("late_frames"),
+            of("seams"),
+        );
+    }
 }
 
 fn surfaces(out: &mut String, scenes: &[Value]) {
     let _ = writeln!(
         out,
-        "  {:38} triangles surf px rms    p99    max  skyline mean    max  mismatch  summit low m     px",
+        "  {:46} triangles surf px rms    p99    max  near max  ag. triangles  skyline mean    max  mismatch  summits  low m     px  beyond stated",
         ""
     );
     for s in scenes {
         let _ = writeln!(
             out,
-            "  {:38} {:9} {:11.3} {:6.2} {:6.2} {:13.3} {:6.1} {:9} {:13.1} {:6.2}",
+            "  {:46} {:9} {:11.3} {:6.2} {:6.2} {:9.2} {:14.2} {:13.3} {:6.1} {:9} {:8} {:6.1} {:6.2} {:14}",
             text(s, "name"),
             number(s, &["triangles"]),
             number(s, &["surf_px", "rms"]),
             number(s, &["surf_px", "p99"]),
             number(s, &["surf_px", "max"]),
+            number(s, &["near_px", "max"]),
+            number(s, &["near_finest_px", "max"]),
             number(s, &["skyline_px", "mean"]),
             number(s, &["skyline_px", "max"]),
             number(s, &["mismatch_pixels"]),
+            number(s, &["summits", "count"]),
             number(s, &["summits", "low_m_max"]),
             number(s, &["summits", "low_px_max"]),
+            number(s, &["summits", "beyond_stated"]),
         );
     }
 }

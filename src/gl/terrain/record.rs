@@ -82,7 +82,11 @@ impl TerrainRenderer {
         let levels = &scene.plan().levels;
         for level in levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, &self.textures[at], level);
-            let array = self.blocks_of(level);
+            // Positions have nothing to do with slices of depth: one serves for all of the level.
+            if let Some(slice) = level.slices.first() {
+                self.set_slice(shader, slice);
+            }
+            let array = self.blocks_from(level.blocks.0);
             let draw = || array.draw_points(texel(corners), texel(level.blocks.1));
             let vertices = with.recorder.record(corners * level.blocks.1, draw)?;
             each(level, &vertices);

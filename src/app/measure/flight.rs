@@ -1,22 +1,29 @@
-//! Popping: how much the drawn surface itself moves from one frame to the next while the eye flies smoothly over it.
+//! Flights: what a watcher would see go wrong while the eye moves. Frames are 1/30 s apart, streamed with the quota of flight.
 //!
-//! Points of the ground are fixed: a lattice of posts around the path. In every frame the height of the drawn surface at each
-//! of them is taken from the triangles that the vertex shader puts out ([`super::drawn`]); its change since the last frame,
-//! times focal length over the distance, is what a watcher sees move beside the perspective. The largest change over all
-//! frames and all points in the picture counts, whether something stands before them or not. Frames are 1/60 s apart, as
-//! flown, streaming and all.
+//! Points of the ground are fixed: a lattice around the path. In every frame the triangles that the vertex shader puts out
+//! ([`super::drawn`]) say where the surface is drawn at each of them.
+//!
+//! - *Pop*: the change of the drawn height since the last frame, times focal length over the distance, is what a watcher
+//!   sees move beside the perspective. The largest change over all frames and all points in the picture counts, whether
+//!   something stands before them or not.
+//! - *Swim*: how far a point is drawn beside its true vertical, times focal length over the distance. The height is left
+//!   out: how that may be wrong is what levels of detail trade, and its changes are pops.
+//! - *Holes*: as in [`super::watertight`], in every frame, at the size of the picture.
+//! - *Late* is a frame in which the finest wanted level is not drawn yet.
 
 use crate::app::error::Failure;
 use crate::app::measure::bench::{Bench, QUOTA};
-use crate::app::measure::drawn::Points;
+use crate::app::measure::drawn::{Drawn, Points};
+use crate::app::measure::sheet::Sheet;
+use crate::app::measure::watertight::holes;
 use crate::geo::{Camera, Geodetic, WGS84_B_M};
 use crate::terrain::truth::Field;
 use crate::time::Monotonic;
 use serde_json::{Value, json};
 use std::time::Duration;
 
-/// Frames a second.
-pub const RATE_HZ: f64 = 60.0;
+/// Frames a second: the slowest that is flown, whose frames differ most.
+pub const RATE_HZ: f64 = 30.0;
 
 /// A straight flight at a steady height over the ground.
 #[derive(Clone, Copy, Debug)]
@@ -101,13 +108,19 @@ impl Path {
 
 /// What was seen along a path.
 #[derive(Clone, Debug, Default)]
-pub struct Pops {
-    /// Largest change a frame, pixels.
-    pub px_max: f64,
+pub struct Flown {
+    /// Largest change of height a frame, pixels.
+    pub pop_px_max: f64,
     /// 99.9 of a hundred points and frames changed no more, pixels.
-    pub px_p999: f64,
+    pub pop_px_p999: f64,
     /// Frame and distance in metres of the largest.
     pub at: (u32, f64),
+    /// Farthest beside its true place that a point was drawn, pixels.
+    pub swim_px_max: f64,
+    /// Frames with a hole.
+    pub holes: u32,
+    /// Frames in which the finest wanted level was not drawn.
+    pub late: u32,
     /// Frames looked at.
     pub frames: u32,
     /// Points of the ground.
@@ -116,40 +129,88 @@ pub struct Pops {
     pub seams: u32,
 }
 
-impl Pops {
+impl Flown {
     /// What is written of it.
     #[must_use]
     pub fn report(&self, name: &str) -> Value {
         json!({
             "path": name,
-            "px_max": self.px_max,
-            "px_p999": self.px_p999,
+            "px_max": self.pop_px_max,
+            "px_p999": self.pop_px_p999,
             "worst": {"frame": self.at.0, "distance_m": self.at.1},
+            "swim_px_max": self.swim_px_max,
+            "holes": self.holes,
+            "late_frames": self.late,
             "frames": self.frames,
             "points": self.points,
             "seams": self.seams,
         })
     }
+
+    /// Takes a frame in: where points were drawn in the last one and in this one.
+    fn compare(
+        &mut self,
+        points: &Points,
+        camera: &Camera,
+        last: &[Drawn],
+        now: &[Drawn],
+    ) -> Vec<f64> {
+        let eye = camera.eye.to_ecef();
+        let to_eye = camera.eye_to_ecef().transpose();
+        let mut pops = Vec::new();
+        for (at, (a, b)) in last.iter().zip(now).enumerate() {
+            let Some(distance_m) = points.seen(at, eye, camera, &to_eye) else {
+                continue;
+            };
+            if b.height_m.is_nan() {
+                continue;
+            }
+            let px = camera.focal_px() / distance_m;
+            self.swim_px_max = self.swim_px_max.max(points.beside_m(at, eye, b) * px);
+            let pop = (a.height_m - b.height_m).abs() * px;
+            if pop.is_nan() {
+                continue;
+            }
+            pops.push(pop);
+            if pop > self.pop_px_max {
+                (self.pop_px_max, self.at) = (pop, (self.frames, distance_m));
+            }
+        }
+        pops
+    }
 }
 
-/// Flies a path for some seconds.
+/// A flight to be made.
+#[derive(Debug)]
+pub struct Flight<'a> {
+    /// Where it leads.
+    pub path: Path,
+    /// The ground around it.
+    pub field: &'a Field,
+    /// How long it lasts, seconds.
+    pub seconds: f64,
+    /// The lowest terrain of the source, metres.
+    pub lowest_m: f64,
+}
+
+/// Makes a flight. `sheet` is given frames for looking at; `done` is told how many frames of how many are flown.
 ///
 /// # Errors
 /// When the GPU refuses, or the first view does not settle.
 pub fn fly(
     bench: &mut Bench,
-    field: &Field,
-    path: &Path,
-    seconds: f64,
+    flight: &Flight<'_>,
+    mut sheet: Option<&mut Sheet>,
     done: &mut dyn FnMut(u32, u32),
-) -> Result<Pops, Failure> {
-    let mut points = Points::new(path.ground(field, seconds, 300.0, 25_000.0));
+) -> Result<Flown, Failure> {
+    let (field, path) = (flight.field, &flight.path);
+    let mut points = Points::new(path.ground(field, flight.seconds, 300.0, 25_000.0));
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "some thousand frames"
     )]
-    let frames = (seconds * RATE_HZ) as u32;
+    let frames = (flight.seconds * RATE_HZ) as u32;
     // Come from the south in steps that are no leaps: the partition is then the one that a flight would bring along.
     for steps in (0..5).rev() {
         let mut before = path.camera(field, 0);
@@ -157,53 +218,38 @@ pub fn fly(
         before.eye.height_ellipsoid.0 += 9000.0 * f64::from(u8::from(steps > 0));
         bench.settle(&before)?;
     }
-    let mut out = Pops {
+    let mut out = Flown {
         points: points.all().len(),
-        ..Pops::default()
+        ..Flown::default()
     };
-    let mut changes = crate::app::measure::surface::Spread::default();
-    let (mut last, mut partition) = (points.heights(bench)?, bench.partition());
-    let mut large: Vec<f64> = Vec::new();
+    let (mut last, mut partition) = (points.drawn(bench)?, bench.partition());
+    let mut pops: Vec<f64> = Vec::new();
     for frame in 1..=frames {
         let begun = Monotonic::read();
         let camera = path.camera(field, frame);
-        bench.step(&camera, QUOTA)?;
-        let now = points.heights(bench)?;
-        let eye = camera.eye.to_ecef();
-        let to_eye = camera.eye_to_ecef().transpose();
-        let focal_px = camera.focal_px();
-        for (at, (a, b)) in last.iter().zip(&now).enumerate() {
-            let change_m = (a - b).abs();
-            if change_m.is_nan() {
-                continue;
-            }
-            let Some(distance_m) = points.seen(at, eye, &camera, &to_eye) else {
-                continue;
-            };
-            let px = change_m * focal_px / distance_m;
-            changes.count += 1;
-            if px > 0.02 {
-                large.push(px);
-            }
-            if px > out.px_max {
-                (out.px_max, out.at) = (px, (frame, distance_m));
-            }
+        let figures = bench.step(&camera, QUOTA)?;
+        out.frames += 1;
+        out.late += u32::from(figures.levels.map(|l| l.0) != Some(figures.levels_wanted.0));
+        out.holes += u32::from(holes(bench, &camera, &figures, flight.lowest_m)? > 0);
+        let now = points.drawn(bench)?;
+        pops.extend(out.compare(&points, &camera, &last, &now));
+        if let Some(sheet) = &mut sheet {
+            sheet.offer(bench, &camera, frame, frames)?;
         }
         let drawn_in = bench.partition();
         out.seams += u32::from(drawn_in != partition);
         (last, partition) = (now, drawn_in);
-        out.frames += 1;
         done(frame, frames);
         let spent = Monotonic::read().since(begun).unwrap_or_default();
         std::thread::park_timeout(Duration::from_secs_f64(1.0 / RATE_HZ).saturating_sub(spent));
     }
-    large.sort_by(f64::total_cmp);
-    // Of all changes, the thousandth from the top; the small ones are only counted.
-    out.px_p999 = large
-        .len()
-        .checked_sub(changes.count / 1000 + 1)
-        .and_then(|at| large.get(at))
-        .copied()
-        .unwrap_or(0.0);
+    out.pop_px_p999 = thousandth(&mut pops);
     Ok(out)
+}
+
+/// The thousandth from the top of sizes.
+fn thousandth(sizes: &mut [f64]) -> f64 {
+    sizes.sort_by(f64::total_cmp);
+    let at = sizes.len().checked_sub(sizes.len() / 1000 + 1);
+    at.and_then(|at| sizes.get(at)).copied().unwrap_or(0.0)
 }
