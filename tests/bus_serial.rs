@@ -161,6 +161,34 @@ fn a_port_that_is_unplugged_is_found_again_under_its_lasting_name() {
 }
 
 #[test]
+fn a_frame_does_not_go_on_after_an_interruption() {
+    // Roll 10, pitch 5, without a checksum, as Stratux sends it; the second half belongs to another one.
+    let halves = ["$RPYL,100,5", "0,1234,0,30,1000,0\r\n"];
+    let name = support::scratch_dir("interruption").join("port");
+    let first = Line::new();
+    symlink(&first.path, &name).expect("linked");
+    let path = name.to_str().expect("a name in UTF-8");
+    let mut source = listen_serial("stratux", ID, Protocol::Nmea, path, 38_400).expect("opens");
+    let figures = Arc::clone(source.thread.figures());
+    first.send(halves[0].as_bytes());
+    // The half is no frame, so that nothing tells when it has been read: that it was takes a moment, no more.
+    std::thread::park_timeout(std::time::Duration::from_millis(200));
+    drop(first);
+    wait_until("the loss is noticed", || figures.link() == Link::Closed);
+    let second = Line::new();
+    std::fs::remove_file(&name).expect("removed");
+    symlink(&second.path, &name).expect("linked");
+    wait_until("it is opened again", || figures.link() == Link::Open);
+    second.send(halves[1].as_bytes());
+    second.send(b"$PGRMZ,2500,f,3*2C\r\n");
+    wait_until("a whole sentence is heard", || figures.snapshot().good > 0);
+    assert_eq!(figures.snapshot().good, 1, "{:?}", figures.snapshot());
+    let said = source.signals.pop().expect("said");
+    assert_eq!(said.parameter, Parameter::PressureAltitude);
+    assert!(source.signals.pop().is_err(), "nothing else was said");
+}
+
+#[test]
 fn a_stopped_listener_lets_its_port_go() {
     let line = Line::new();
     let (mut source, _) = listen(&line.path, 9600).expect("opens");

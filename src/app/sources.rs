@@ -7,7 +7,7 @@ use crate::bus::{
     SourceHandle, SourceThread, Tally,
 };
 use crate::proto::{Counters, Decoder, Fault, Protocol};
-use crate::signal::SourceId;
+use crate::signal::{SourceId, Wire};
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -108,7 +108,11 @@ pub fn listen(
 /// A bus's view of a decoder.
 fn decode(mut decoder: Box<dyn Decoder>) -> Decode {
     Box::new(move |frame, sink| {
-        decoder.push(frame, &mut |signal| sink(signal));
+        match frame.wire {
+            // Half a frame of before and half a one of now make none.
+            Wire::Stream([]) => decoder.finish(),
+            _ => decoder.push(frame, &mut |signal| sink(signal)),
+        }
         let counters = decoder.counters();
         Tally {
             good: counters.good,

@@ -81,25 +81,29 @@ fn errno(e: &io::Error) -> Option<Errno> {
 
 fn open_filtered(interface: &str, ids: &[u16]) -> io::Result<CanSocket> {
     let socket = open(interface)?;
-    if !ids.is_empty() && 2 * ids.len() <= FILTERS_MAX {
-        let filters: Vec<CanFilter> = ids
-            .iter()
-            .map(|&id| u32::from(id))
-            .flat_map(|id| {
-                [
-                    CanFilter::new(id, MASK_STANDARD | FLAG_EXTENDED | FLAG_REMOTE),
-                    CanFilter::new(
-                        id | FLAG_EXTENDED,
-                        MASK_EXTENDED | FLAG_EXTENDED | FLAG_REMOTE,
-                    ),
-                ]
-            })
-            .collect();
+    let filters = filters(ids);
+    if filters.len() <= FILTERS_MAX {
         socket.set_filters(&filters)?;
     }
     socket.set_error_filter_accept_all()?;
     socket.set_read_timeout(WAIT)?;
     Ok(socket)
+}
+
+/// What the kernel is to pass on: data frames with one of `ids` as 11-bit or 29-bit identifier; for none, all 11-bit ones.
+fn filters(ids: &[u16]) -> Vec<CanFilter> {
+    const KIND: u32 = FLAG_EXTENDED | FLAG_REMOTE;
+    if ids.is_empty() {
+        return vec![CanFilter::new(0, KIND)];
+    }
+    let both = |id: &u16| {
+        let id = u32::from(*id);
+        [
+            CanFilter::new(id, MASK_STANDARD | KIND),
+            CanFilter::new(id | FLAG_EXTENDED, MASK_EXTENDED | KIND),
+        ]
+    };
+    ids.iter().flat_map(both).collect()
 }
 
 fn open(interface: &str) -> io::Result<CanSocket> {

@@ -48,7 +48,7 @@ pub enum Endpoint {
     Can {
         /// Its name, as in `can0`.
         interface: String,
-        /// The identifiers that the kernel passes on, both 11-bit and 29-bit; empty means all.
+        /// The identifiers that the kernel passes on, both 11-bit and 29-bit; empty means all 11-bit ones.
         ids: &'static [u16],
     },
     /// A serial port: 8N1, read only.
@@ -233,6 +233,7 @@ fn listen(mut source: Box<dyn Source>, mut feed: Feed, stop: &AtomicBool) {
             std::thread::park_timeout(backoff.next_wait());
             open = source.reopen().is_ok();
             if open {
+                feed.take(Monotonic::read(), Wire::Stream(&[]));
                 feed.figures.reopened();
             }
             continue;

@@ -271,7 +271,8 @@ impl Protocol {
         }
     }
 
-    /// The CAN identifiers that its decoder listens to; empty for protocols that are not on CAN.
+    /// The CAN identifiers that its decoder listens to, 11-bit and 29-bit; empty for one that listens to all 11-bit ones, and
+    /// for those that are not on CAN.
     #[must_use]
     pub fn can_ids(self) -> &'static [u16] {
         match self {

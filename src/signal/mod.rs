@@ -34,7 +34,8 @@ pub enum Wire<'a> {
     Can(CanData),
     /// One UDP datagram.
     Datagram(&'a [u8]),
-    /// A piece of a byte stream, cut anywhere: what a serial port had to give.
+    /// A piece of a byte stream, cut anywhere: what a serial port had to give. An empty one says that the stream was
+    /// interrupted: what comes next does not continue what came before.
     Stream(&'a [u8]),
 }
 
