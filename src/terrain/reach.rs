@@ -84,8 +84,8 @@ pub struct Reaches {
     pub finest_streamed: u8,
 }
 
-/// Share of a level's RMS error that is the error of pictures of it: see [`ERROR_SHARE`].
-const SEEN_SHARE: f64 = 0.5;
+/// Share of a level's RMS error that is the error of pictures of it: what [`ERROR_SHARE`] is of the largest on its tile.
+const SEEN_SHARE: f64 = 0.42;
 
 /// RMS error of each level as pictures show it, metres: that of rough ground, or what the pack states of it in any of its
 /// partitions where that is more.
