@@ -3,7 +3,9 @@
 
 #![expect(
     clippy::expect_used,
+    clippy::panic,
     clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
     reason = "a test says what it needs and fails where that is not so; its numbers are small"
 )]
 

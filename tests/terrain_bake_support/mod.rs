@@ -2,6 +2,7 @@
 
 #![allow(
     dead_code,
+    clippy::cast_possible_truncation,
     clippy::expect_used,
     clippy::panic,
     reason = "every test includes this module and uses only some of it; what it needs for a test is there or the test fails"
