@@ -1,9 +1,9 @@
 //! Ridges with known answers, and random ground against rays.
 
-use super::super::cull::Patch;
-use super::super::partition::Partition;
 use super::*;
 use crate::geo::{Attitude, Geodetic};
+use crate::terrain::cull::Patch;
+use crate::terrain::partition::Partition;
 use crate::units::Radians;
 use proptest::prelude::*;
 
