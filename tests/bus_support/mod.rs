@@ -60,6 +60,16 @@ pub(crate) fn ip(words: &[&str]) -> bool {
         .is_ok_and(|output| output.status.success())
 }
 
+/// Whether serial ports cannot be had here, said aloud: QEMU's user emulation does not pass on what makes a port exclusive
+/// and sets its speed.
+pub(crate) fn has_no_serial_ports() -> bool {
+    let none = crate::support::is_emulated();
+    if none {
+        crate::support::skip("no serial ports under emulation");
+    }
+    none
+}
+
 /// The far end of a serial line; the near end is the port at `path`, which vanishes with this.
 pub(crate) struct Line {
     far: OwnedFd,
