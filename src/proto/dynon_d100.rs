@@ -10,9 +10,10 @@
 //! instrument's own clock, which nothing sets: it is not read.
 
 use super::emit::{Columns, Emit, compass, feet, same};
-use super::framing::{Framer, LINE_BYTES_MAX, Look, Piece, hex_byte, is_line_end, sum_is_right};
-use super::{Counters, Decoder, Fault};
-use crate::signal::{Frame, Parameter, Sink, SourceId, Wire};
+use super::framing::{LINE_BYTES_MAX, Look, Piece, hex_byte, is_line_end, sum_is_right};
+use super::stream::StreamDecoder;
+use super::{Counters, Fault};
+use crate::signal::{Parameter, Sink, SourceId};
 
 /// Length of a line without its end.
 const LINE_BYTES: usize = 51;
@@ -20,41 +21,10 @@ const LINE_BYTES: usize = 51;
 /// No sentinel: a character that no field has.
 const ABSENT: u8 = 0;
 
-/// The decoder.
-#[derive(Debug, Default)]
-pub struct DynonD100 {
-    framer: Framer<{ LINE_BYTES_MAX + 1 }>,
-    counters: Counters,
-}
-
-impl DynonD100 {
-    /// A decoder that has seen nothing.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-}
-
-impl Decoder for DynonD100 {
-    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink) {
-        let (Wire::Datagram(bytes) | Wire::Stream(bytes)) = frame.wire else {
-            self.counters.ignored += 1;
-            return;
-        };
-        let Self { framer, counters } = self;
-        framer.push(frame.at, bytes, look, &mut |piece| {
-            take(piece, frame.source, counters, sink);
-        });
-    }
-
-    fn finish(&mut self) {
-        let Self { framer, counters } = self;
-        framer.finish(look, &mut |piece| counters.count_piece(&piece));
-    }
-
-    fn counters(&self) -> &Counters {
-        &self.counters
-    }
+/// A decoder that has seen nothing.
+#[must_use]
+pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
+    StreamDecoder::new(look, take)
 }
 
 fn look(bytes: &[u8], seen: usize) -> Look {

@@ -11,9 +11,10 @@
 //! used. Thermocouples and general-purpose inputs mean what the aircraft's builder has wired to them and are not read.
 
 use super::emit::{Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same};
-use super::framing::{Framer, LINE_BYTES_MAX, Look, Piece, text_line};
-use super::{Counters, Decoder, Fault};
-use crate::signal::{BUS_VOLTAGE, FUEL_QUANTITY, Frame, Parameter, Sink, SourceId, Wire, engines};
+use super::framing::{LINE_BYTES_MAX, Look, Piece, text_line};
+use super::stream::StreamDecoder;
+use super::{Counters, Fault};
+use crate::signal::{BUS_VOLTAGE, FUEL_QUANTITY, Parameter, Sink, SourceId, engines};
 use crate::units::{HECTOPASCALS_PER_PSI, LITRES_PER_US_GALLON};
 
 /// Lengths of the lines without their ends.
@@ -24,41 +25,10 @@ const EMS_BYTES: usize = 223;
 /// The sender's sign of "no value".
 const ABSENT: u8 = b'X';
 
-/// The decoder.
-#[derive(Debug, Default)]
-pub struct DynonSkyView {
-    framer: Framer<{ LINE_BYTES_MAX + 1 }>,
-    counters: Counters,
-}
-
-impl DynonSkyView {
-    /// A decoder that has seen nothing.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-}
-
-impl Decoder for DynonSkyView {
-    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink) {
-        let (Wire::Datagram(bytes) | Wire::Stream(bytes)) = frame.wire else {
-            self.counters.ignored += 1;
-            return;
-        };
-        let Self { framer, counters } = self;
-        framer.push(frame.at, bytes, look, &mut |piece| {
-            take(piece, frame.source, counters, sink);
-        });
-    }
-
-    fn finish(&mut self) {
-        let Self { framer, counters } = self;
-        framer.finish(look, &mut |piece| counters.count_piece(&piece));
-    }
-
-    fn counters(&self) -> &Counters {
-        &self.counters
-    }
+/// A decoder that has seen nothing.
+#[must_use]
+pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
+    StreamDecoder::new(look, take)
 }
 
 fn look(bytes: &[u8], seen: usize) -> Look {

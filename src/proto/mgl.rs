@@ -11,9 +11,10 @@
 //! kilometres an hour, altitudes in feet, pressures in tenths of hectopascals.
 
 use super::emit::{Emit, celsius, compass, feet, fpm};
-use super::framing::{Framer, Look, Piece};
-use super::{Counters, Decoder, Fault};
-use crate::signal::{Frame, Parameter, Sink, SourceId, Wire};
+use super::framing::{Look, Piece};
+use super::stream::StreamDecoder;
+use super::{Counters, Fault};
+use crate::signal::{Parameter, Sink, SourceId};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 const CRC_32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -26,41 +27,10 @@ const PACKET_BYTES_MAX: usize = 256 + OVERHEAD_BYTES;
 /// Degrees per unit of latitude and longitude.
 const DEGREES: f64 = 1.0 / 180_000.0;
 
-/// The decoder.
-#[derive(Debug, Default)]
-pub struct Mgl {
-    framer: Framer<PACKET_BYTES_MAX>,
-    counters: Counters,
-}
-
-impl Mgl {
-    /// A decoder that has seen nothing.
-    #[must_use]
-    pub fn new() -> Self {
-        Self::default()
-    }
-}
-
-impl Decoder for Mgl {
-    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink) {
-        let (Wire::Datagram(bytes) | Wire::Stream(bytes)) = frame.wire else {
-            self.counters.ignored += 1;
-            return;
-        };
-        let Self { framer, counters } = self;
-        framer.push(frame.at, bytes, look, &mut |piece| {
-            take(piece, frame.source, counters, sink);
-        });
-    }
-
-    fn finish(&mut self) {
-        let Self { framer, counters } = self;
-        framer.finish(look, &mut |piece| counters.count_piece(&piece));
-    }
-
-    fn counters(&self) -> &Counters {
-        &self.counters
-    }
+/// A decoder that has seen nothing.
+#[must_use]
+pub fn decoder() -> StreamDecoder<PACKET_BYTES_MAX> {
+    StreamDecoder::new(look, take)
 }
 
 fn look(bytes: &[u8], _seen: usize) -> Look {

@@ -21,6 +21,7 @@ pub mod gdl90;
 mod gnss;
 pub mod mgl;
 pub mod nmea;
+pub mod stream;
 pub mod ubx;
 
 use crate::signal::{Frame, Sink};
@@ -252,12 +253,12 @@ impl Protocol {
             Self::CanFix => Box::new(can_fix::CanFix::new()),
             Self::FgGeneric => Box::new(fg_generic::FgGeneric::default()),
             Self::Gdl90 => Box::new(gdl90::Gdl90::new()),
-            Self::Mgl => Box::new(mgl::Mgl::new()),
+            Self::Mgl => Box::new(mgl::decoder()),
             Self::Ubx => Box::new(ubx::Ubx::new()),
             Self::Nmea => Box::new(nmea::Nmea::new()),
-            Self::GarminG3x => Box::new(garmin_g3x::GarminG3x::new()),
-            Self::DynonD100 => Box::new(dynon_d100::DynonD100::new()),
-            Self::DynonSkyView => Box::new(dynon_skyview::DynonSkyView::new()),
+            Self::GarminG3x => Box::new(garmin_g3x::decoder()),
+            Self::DynonD100 => Box::new(dynon_d100::decoder()),
+            Self::DynonSkyView => Box::new(dynon_skyview::decoder()),
         }
     }
 
