@@ -6,7 +6,10 @@
 mod parameter;
 mod traffic;
 
-pub use parameter::{BUS_CURRENT, BUS_VOLTAGE, FUEL_QUANTITY, Parameter, ParameterSpec, engines};
+pub use parameter::{
+    BUS_CURRENT, BUS_VOLTAGE, FUEL_MASS, FUEL_QUANTITY, GENERATOR_CURRENT, GENERATOR_VOLTAGE,
+    Parameter, ParameterSpec, engines,
+};
 pub use traffic::{Alert, Place, Traffic};
 
 use crate::sampled::Invalid;
