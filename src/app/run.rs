@@ -1,6 +1,6 @@
 //! `glasswing run`: flies with a board file until told to stop.
 
-use crate::app::board::Board;
+use crate::app::board::{Board, SourceWish};
 use crate::app::cockpit::{self, Cockpit};
 use crate::app::error::{Failure, Kind};
 use crate::app::fly::{self, Every, Plan};
@@ -11,7 +11,9 @@ use crate::app::picture::Size;
 use crate::app::sources::{self, Watch};
 use crate::bus::input::{InputEvent, InputThread};
 use crate::bus::{self, SourceThread};
+use crate::proto::Protocol;
 use crate::screen::Screen;
+use crate::signal::SourceId;
 use crate::state::Fusion;
 use crate::time::Monotonic;
 use serde_json::Value;
@@ -144,15 +146,22 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
 /// Starts listening to every source of the board, the first the most trusted.
 fn listen(board: &Board) -> Result<(Intake, Vec<SourceThread>), Failure> {
     let mut rings = Vec::new();
+    let mut reports = Vec::new();
     let mut threads = Vec::new();
     let mut ids = Vec::new();
     for (i, source) in board.sources.iter().enumerate() {
         let handle = sources::listen_to(board, i, source)?;
         ids.push(handle.thread.id());
         rings.push(handle.signals);
+        reports.push(handle.reports);
         threads.push(handle.thread);
     }
-    Ok((Intake::new(rings, Fusion::new(&ids)), threads))
+    let tells =
+        |(id, wish): (&SourceId, &SourceWish)| (wish.protocol == Protocol::Gdl90).then_some(*id);
+    let traffic: Vec<_> = ids.iter().zip(&board.sources).filter_map(tells).collect();
+    let fusion = Fusion::new(&ids).with_traffic_from(&traffic);
+    let intake = Intake::new(rings, fusion).with_reports(reports);
+    Ok((intake, threads))
 }
 
 type Actions = Option<rtrb::Consumer<InputEvent>>;

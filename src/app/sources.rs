@@ -111,7 +111,7 @@ fn decode(mut decoder: Box<dyn Decoder>) -> Decode {
         match frame.wire {
             // Half a frame of before and half a one of now make none.
             Wire::Stream([]) => decoder.finish(),
-            _ => decoder.push(frame, &mut |signal| sink(signal)),
+            _ => decoder.push(frame, sink),
         }
         let counters = decoder.counters();
         Tally {
