@@ -78,7 +78,7 @@ fn record(path: &Path, size_limit: Option<u64>, frames: std::ops::Range<u64>) ->
             source: SourceId(0),
             wire: Wire::Can(can(k)),
         };
-        taps[usize::from(k % 2 == 1)].take(&frame);
+        taps[usize::from(size_limit.is_none() && k % 2 == 1)].take(&frame);
     }
     recorder.finish()
 }
