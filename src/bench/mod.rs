@@ -22,7 +22,10 @@
 
 pub mod encode;
 pub mod fault;
+pub mod flight;
+pub mod profile;
 mod run;
+mod sensors;
 mod truth;
 
 pub use run::Bench;

@@ -91,7 +91,8 @@ impl Encoder for Nmea {
             resolution: step,
             min: if unsigned { 0.0 } else { -ends },
             max: ends,
-            absent: parameter != P::FixDimensions,
+            // The variation's field is left empty by many receivers: it says nothing.
+            absent: !matches!(parameter, P::FixDimensions | P::MagneticVariation),
             nan: false,
             doubtful: false,
         })

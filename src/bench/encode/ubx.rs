@@ -95,7 +95,8 @@ impl Encoder for Ubx {
             P::UtcDate => whole_number(1.0, 73_000.0, true),
             // There with a fix: no sentinel of their own.
             P::HorizontalAccuracy | P::VerticalAccuracy => carried_by(&[&ERRORS], parameter, false),
-            _ => carried_by(&[&FLAT, &HIGH, &[VARIATION]], parameter, true),
+            P::MagneticVariation => Some(VARIATION.carried(false)),
+            _ => carried_by(&[&FLAT, &HIGH], parameter, true),
         }
     }
 }

@@ -1,0 +1,1 @@
+//! `glasswing simulate`: bench traffic.
