@@ -17,6 +17,7 @@ pub mod units;
 pub mod bench;
 pub mod bus;
 pub mod proto;
+pub mod recording;
 
 // L2 to L4: state, what the pilot is told, how it is drawn. Pure.
 pub mod display;

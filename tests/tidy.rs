@@ -65,6 +65,7 @@ const MAY_NAME: [(&str, &[&str]); 18] = [
     ("signal", &[]),
     ("heap", &[]),
     ("proto", &[]),
+    ("recording", &[]),
     ("bus", &[]),
     ("bench", &["proto", "state::magnetic"]),
     ("state", &[]),
