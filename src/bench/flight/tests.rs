@@ -24,6 +24,8 @@ fn valley() -> Vec<Geodetic> {
 const DAY: Day = Day {
     qnh: Hectopascals(1018.0),
     undulation: Metres(49.0),
+    wind_mps: DVec2::ZERO,
+    warmer_k: 0.0,
 };
 
 fn flight() -> Flight {
