@@ -42,7 +42,7 @@ pub struct DecodeArgs {
     /// quality (`good`, or why there is no value). With --json the samples are an array `samples` of the one document.
     #[arg(long)]
     pub samples: bool,
-    /// Print one JSON document: good, bad {kind: count}, ignored, flow {lost, repeated, frozen, failed, refused, unchecked}.
+    /// Print one JSON document: good, bad {kind: count}, ignored, flow {lost, repeated, frozen, failed, refused, unchecked, alarms}.
     #[arg(long)]
     pub json: bool,
 }
@@ -195,7 +195,7 @@ impl Outcome {
             "flow".to_owned(),
             json!({
                 "lost": flow.lost, "repeated": flow.repeated, "frozen": flow.frozen, "failed": flow.failed,
-                "refused": flow.refused, "unchecked": flow.unchecked,
+                "refused": flow.refused, "unchecked": flow.unchecked, "alarms": flow.alarms,
             }),
         );
         document
@@ -214,8 +214,14 @@ impl Outcome {
         }
         text += &format!("ignored  {ignored}\n");
         text + &format!(
-            "flow     {} lost, {} repeated, {} frozen, {} failed, {} fields refused, {} unchecked",
-            flow.lost, flow.repeated, flow.frozen, flow.failed, flow.refused, flow.unchecked
+            "flow     {} lost, {} repeated, {} frozen, {} failed, {} fields refused, {} unchecked, {} alarms",
+            flow.lost,
+            flow.repeated,
+            flow.frozen,
+            flow.failed,
+            flow.refused,
+            flow.unchecked,
+            flow.alarms
         )
     }
 }

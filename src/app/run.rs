@@ -14,7 +14,6 @@ use crate::bus::input::{InputEvent, InputThread};
 use crate::bus::{self, SourceThread};
 use crate::recording::{self, Recorder, Report, Tap};
 use crate::screen::Screen;
-use crate::state::Fusion;
 use crate::time::Monotonic;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -205,15 +204,17 @@ impl RecordingWatch {
 fn listen(board: &Board, taps: Vec<Tap>) -> Result<(Intake, Vec<SourceThread>), Failure> {
     let mut taps = taps.into_iter();
     let mut rings = Vec::new();
+    let mut reports = Vec::new();
     let mut threads = Vec::new();
-    let mut ids = Vec::new();
     for (i, source) in board.sources.iter().enumerate() {
         let handle = sources::listen_or_wait(board, i, source, taps.next())?;
-        ids.push(handle.thread.id());
         rings.push(handle.signals);
+        reports.push(handle.reports);
         threads.push(handle.thread);
     }
-    Ok((Intake::new(rings, Fusion::new(&ids)), threads))
+    let protocols = board.sources.iter().map(|wish| wish.protocol);
+    let intake = Intake::new(rings, sources::fusion(protocols)).with_reports(reports);
+    Ok((intake, threads))
 }
 
 type Actions = Option<rtrb::Consumer<InputEvent>>;

@@ -18,8 +18,8 @@ mod udp;
 pub use error::BusError;
 pub use figures::{BAD_KINDS, Event, Figures, Link, SourceFigures, Tally};
 
-use crate::limits::SIGNALS_QUEUED_MAX;
-use crate::signal::{Frame, Signal, SourceId, Wire};
+use crate::limits::{REPORTS_QUEUED_MAX, SIGNALS_QUEUED_MAX};
+use crate::signal::{Frame, Limit, Report, Signal, Sink, SourceId, Traffic, Wire};
 use crate::time::Monotonic;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
@@ -31,8 +31,8 @@ use std::time::Duration;
 /// The longest that a thread waits for a frame before it looks whether it should stop.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// What a bus thread does with a frame: gives its signals to the second argument, returns the totals so far.
-pub type Decode = Box<dyn FnMut(Frame<'_>, &mut dyn FnMut(Signal)) -> Tally + Send>;
+/// What a bus thread does with a frame: gives what it says to the second argument, returns the totals so far.
+pub type Decode = Box<dyn FnMut(Frame<'_>, &mut dyn Sink) -> Tally + Send>;
 
 /// Where a source is heard.
 #[derive(Debug)]
@@ -83,6 +83,8 @@ pub struct SourceConfig {
 pub struct SourceHandle {
     /// Its signals in the order of their frames.
     pub signals: rtrb::Consumer<Signal>,
+    /// What else it says: other aircraft, limits.
+    pub reports: rtrb::Consumer<Report>,
     /// The thread.
     pub thread: SourceThread,
 }
@@ -193,10 +195,15 @@ pub fn spawn_patiently(
     let is_open = refused.is_none();
     let stop = Arc::new(AtomicBool::new(false));
     let (producer, signals) = rtrb::RingBuffer::new(SIGNALS_QUEUED_MAX);
+    let (reporter, reports) = rtrb::RingBuffer::new(REPORTS_QUEUED_MAX);
     let feed = Feed {
         id,
         decode,
-        signals: producer,
+        rings: Rings {
+            signals: producer,
+            reports: reporter,
+            dropped: 0,
+        },
         figures: Arc::clone(&figures),
     };
     let thread = std::thread::Builder::new()
@@ -211,6 +218,7 @@ pub fn spawn_patiently(
         })?;
     let handle = SourceHandle {
         signals,
+        reports,
         thread: SourceThread {
             name,
             id,
@@ -236,8 +244,33 @@ trait Source: Send {
 struct Feed {
     id: SourceId,
     decode: Decode,
-    signals: rtrb::Producer<Signal>,
+    rings: Rings,
     figures: Arc<SourceFigures>,
+}
+
+/// The way out of a bus thread; what does not fit is counted.
+struct Rings {
+    signals: rtrb::Producer<Signal>,
+    reports: rtrb::Producer<Report>,
+    dropped: u64,
+}
+
+impl Sink for Rings {
+    fn signal(&mut self, signal: Signal) {
+        self.dropped += u64::from(self.signals.push(signal).is_err());
+    }
+
+    fn traffic(&mut self, traffic: &Traffic) {
+        self.dropped += u64::from(self.reports.push(Report::Traffic(*traffic)).is_err());
+    }
+
+    fn limit(&mut self, limit: &Limit) {
+        self.dropped += u64::from(self.reports.push(Report::Limit(*limit)).is_err());
+    }
+
+    fn own_address(&mut self, address: u32) {
+        self.dropped += u64::from(self.reports.push(Report::OwnAddress(address)).is_err());
+    }
 }
 
 impl Feed {
@@ -247,11 +280,8 @@ impl Feed {
             source: self.id,
             wire,
         };
-        let signals = &mut self.signals;
-        let mut dropped = 0;
-        let tally = (self.decode)(frame, &mut |signal| {
-            dropped += u64::from(signals.push(signal).is_err());
-        });
+        let tally = (self.decode)(frame, &mut self.rings);
+        let dropped = std::mem::take(&mut self.rings.dropped);
         if dropped > 0 {
             self.figures.dropped(dropped);
         }

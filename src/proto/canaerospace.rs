@@ -249,6 +249,7 @@ impl CanAerospace {
                     failed: 0,
                     refused: 0,
                     unchecked: 0,
+                    alarms: 0,
                 },
             },
             heard: [NOT_HEARD; ROWS.len()],
