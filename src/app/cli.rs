@@ -40,7 +40,7 @@ enum Command {
     Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
     List(list::ListArgs),
-    /// Measures the terrain, and says how
+    /// Measures terrain and buses, and says how
     #[command(subcommand)]
     Measure(measure::MeasureCommand),
 }

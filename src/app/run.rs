@@ -256,8 +256,16 @@ fn frame_writer(
 /// The figures of a run with those of its sources.
 #[must_use]
 pub fn with_sources(mut figures: Value, threads: &[SourceThread]) -> Value {
-    let rows = threads.iter().map(sources::to_json).collect();
-    figures["sources"] = Value::Array(rows);
+    let mut ways = figures["receive_to_present_ms"].take();
+    let row = |source: &SourceThread| {
+        let mut row = sources::to_json(source);
+        row["receive_to_present_ms"] = ways[usize::from(source.id().0)].take();
+        row
+    };
+    figures["sources"] = threads.iter().map(row).collect();
+    if let Some(figures) = figures.as_object_mut() {
+        figures.remove("receive_to_present_ms");
+    }
     figures
 }
 
