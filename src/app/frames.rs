@@ -298,7 +298,7 @@ mod tests {
         let mut writer = FrameWriter::start(&folder, size, start).expect("starts");
         let mut state = FlightState::empty();
         state.set(Parameter::Pitch, Sampled::good(0.125, start), SourceId(0));
-        let now = start.plus(std::time::Duration::from_millis(100));
+        let now = start.plus(Duration::from_millis(100));
         assert!(
             writer.write(
                 FrameRow {

@@ -26,6 +26,9 @@ const FLAG_EXTENDED: u32 = 0x8000_0000;
 const FLAG_REMOTE: u32 = 0x4000_0000;
 const MASK_STANDARD: u32 = 0x7FF;
 const MASK_EXTENDED: u32 = 0x1FFF_FFFF;
+/// Bits that are zero in a 29-bit identifier made of an 11-bit one and a redundancy channel in bits 16 to 23, as CANaerospace
+/// makes them.
+const MASK_NOT_CHANNEL: u32 = 0x1F00_F800;
 
 /// The kernel takes at most this many filters per socket (`CAN_RAW_FILTER_MAX`).
 const FILTERS_MAX: usize = 512;
@@ -90,20 +93,17 @@ fn open_filtered(interface: &str, ids: Option<&[u16]>) -> io::Result<CanSocket> 
     Ok(socket)
 }
 
-/// What the kernel is to pass on: data frames with one of `ids` as 11-bit or 29-bit identifier; for none, all 11-bit ones.
+/// What the kernel is to pass on: data frames with one of `ids` as 11-bit identifier, and all 29-bit ones that can be one of
+/// them on a redundancy channel; for none, all 11-bit ones.
 fn filters(ids: &[u16]) -> Vec<CanFilter> {
     const KIND: u32 = FLAG_EXTENDED | FLAG_REMOTE;
     if ids.is_empty() {
         return vec![CanFilter::new(0, KIND)];
     }
-    let both = |id: &u16| {
-        let id = u32::from(*id);
-        [
-            CanFilter::new(id, MASK_STANDARD | KIND),
-            CanFilter::new(id | FLAG_EXTENDED, MASK_EXTENDED | KIND),
-        ]
-    };
-    ids.iter().flat_map(both).collect()
+    // Whole identifiers are looked up; a filter with a mask is tried on every frame, so there is one of them.
+    let redundant = CanFilter::new(FLAG_EXTENDED, MASK_NOT_CHANNEL | KIND);
+    let whole = |id: &u16| CanFilter::new(u32::from(*id), MASK_STANDARD | KIND);
+    ids.iter().map(whole).chain([redundant]).collect()
 }
 
 fn open(interface: &str) -> io::Result<CanSocket> {

@@ -48,7 +48,8 @@ pub enum Endpoint {
     Can {
         /// Its name, as in `can0`.
         interface: String,
-        /// The identifiers that the kernel passes on, both 11-bit and 29-bit; empty means all 11-bit ones.
+        /// The 11-bit identifiers that the kernel passes on, and with them all 29-bit ones that can be one of them on a
+        /// redundancy channel; empty means all 11-bit ones.
         ids: &'static [u16],
     },
     /// A CAN interface of the system, with every data frame that there is on it.

@@ -117,6 +117,8 @@ pub struct Flow {
     pub unchecked: u64,
     /// Alarms of nodes, whose meaning is the node's own.
     pub alarms: u64,
+    /// Frames numbered just before the last one: out of order, not taken.
+    pub late: u64,
 }
 
 impl Counters {
