@@ -30,6 +30,7 @@ pub mod sources;
 pub mod terrain;
 pub mod terrain_info;
 pub mod vision;
+pub mod way;
 
 pub use cli::main;
 pub use error::{Failure, Kind};
