@@ -22,6 +22,7 @@ pub mod picture;
 pub mod ports;
 pub mod run;
 pub mod shot;
+pub mod sniff;
 pub mod sources;
 pub mod terrain;
 pub mod terrain_info;

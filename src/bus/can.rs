@@ -36,7 +36,8 @@ const FILTERS_MAX: usize = 512;
 /// A socket bound to an interface.
 pub(super) struct Socket {
     interface: String,
-    ids: &'static [u16],
+    /// What the kernel passes on; none for all data frames.
+    ids: Option<&'static [u16]>,
     socket: CanSocket,
     figures: Arc<SourceFigures>,
 }
@@ -44,7 +45,7 @@ pub(super) struct Socket {
 impl Socket {
     pub(super) fn open(
         interface: String,
-        ids: &'static [u16],
+        ids: Option<&'static [u16]>,
         figures: Arc<SourceFigures>,
     ) -> Result<Self, BusError> {
         let socket =
@@ -82,10 +83,10 @@ fn errno(e: &io::Error) -> Option<Errno> {
     Errno::from_io_error(e)
 }
 
-fn open_filtered(interface: &str, ids: &[u16]) -> io::Result<CanSocket> {
+fn open_filtered(interface: &str, ids: Option<&[u16]>) -> io::Result<CanSocket> {
     let socket = open(interface)?;
-    let filters = filters(ids);
-    if filters.len() <= FILTERS_MAX {
+    let filters = ids.map(filters);
+    if let Some(filters) = filters.filter(|filters| filters.len() <= FILTERS_MAX) {
         socket.set_filters(&filters)?;
     }
     socket.set_error_filter_accept_all()?;

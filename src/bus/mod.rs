@@ -17,6 +17,7 @@ mod udp;
 
 pub use error::BusError;
 pub use figures::{BAD_KINDS, Event, Figures, Link, SourceFigures, Tally};
+pub use udp::bound as udp_socket;
 
 use crate::limits::SIGNALS_QUEUED_MAX;
 use crate::signal::{Frame, Signal, SourceId, Wire};
@@ -51,6 +52,11 @@ pub enum Endpoint {
         /// The 11-bit identifiers that the kernel passes on, and with them all 29-bit ones that can be one of them on a
         /// redundancy channel; empty means all 11-bit ones.
         ids: &'static [u16],
+    },
+    /// A CAN interface of the system, all of whose data frames are passed on: for those who do not know yet what it carries.
+    WholeCan {
+        /// Its name, as in `can0`.
+        interface: String,
     },
     /// A serial port: 8N1, read only.
     Serial {
@@ -146,7 +152,9 @@ pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusEr
     let SourceConfig { name, id, endpoint } = config;
     let figures = Arc::new(SourceFigures::default());
     let interface = match &endpoint {
-        Endpoint::Can { interface, .. } => Some(interface.clone()),
+        Endpoint::Can { interface, .. } | Endpoint::WholeCan { interface } => {
+            Some(interface.clone())
+        }
         _ => None,
     };
     let source: Box<dyn Source> = match endpoint {
@@ -154,7 +162,11 @@ pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusEr
             Box::new(udp::Socket::open(bind, allow, Arc::clone(&figures))?)
         }
         Endpoint::Can { interface, ids } => {
+            let ids = Some(ids);
             Box::new(can::Socket::open(interface, ids, Arc::clone(&figures))?)
+        }
+        Endpoint::WholeCan { interface } => {
+            Box::new(can::Socket::open(interface, None, Arc::clone(&figures))?)
         }
         Endpoint::Serial { path, baud } => Box::new(serial::Port::open(path, baud)?),
         Endpoint::Loopback(receiver) => Box::new(receiver),
