@@ -102,6 +102,8 @@ struct Trial {
     look: fn(&[u8], usize) -> Look,
     share: fn(&[u8]) -> Share,
     bar: Bar,
+    /// Whether line ends stand between its frames.
+    is_text: bool,
     frames: u64,
     bytes: u64,
     aside: u64,
@@ -123,6 +125,7 @@ impl Trial {
             look,
             share,
             bar,
+            is_text: !matches!(protocol, Protocol::Gdl90 | Protocol::Mgl | Protocol::Ubx),
             frames: 0,
             bytes: 0,
             aside: 0,
@@ -240,6 +243,7 @@ impl Lines {
 #[derive(Debug)]
 pub struct Sniffer {
     bytes: u64,
+    line_ends: u64,
     datagrams: u64,
     trials: Vec<Trial>,
     lines: Lines,
@@ -290,6 +294,7 @@ impl Sniffer {
     pub fn new() -> Self {
         Self {
             bytes: 0,
+            line_ends: 0,
             datagrams: 0,
             trials: Trial::all(),
             lines: Lines::default(),
@@ -328,6 +333,7 @@ impl Sniffer {
             self.beginning = *first;
         }
         self.bytes += bytes.len() as u64;
+        self.line_ends += bytes.iter().filter(|b| is_line_end(**b)).count() as u64;
         for trial in &mut self.trials {
             trial.push(bytes);
         }
@@ -355,8 +361,10 @@ impl Sniffer {
         let all: u64 = self.trials.iter().map(explained).sum();
         let mut findings = Vec::new();
         for trial in &self.trials {
-            let others = (all - explained(trial)).min(self.bytes);
-            let part = ratio(explained(trial), self.bytes - others);
+            let own = explained(trial);
+            let line_ends = if trial.is_text { self.line_ends } else { 0 };
+            let of_others = all - own + line_ends;
+            let part = ratio(own, self.bytes.saturating_sub(of_others).max(own));
             let confidence = sure(part, trial.frames);
             if trial.frames >= trial.bar.frames && confidence >= trial.bar.confidence {
                 findings.push(Finding {

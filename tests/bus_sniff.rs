@@ -1,4 +1,4 @@
-//! `check --sniff` on real serial lines and sockets: what is spoken is named, and the lines that it prints are a board file.
+//! `check --sniff` on real serial lines, sockets and CAN interfaces: what is spoken is named, and the lines that it prints are a board file.
 #![expect(
     clippy::expect_used,
     clippy::panic,
@@ -8,7 +8,10 @@
 mod bus_support;
 mod support;
 
-use bus_support::{Line, has_no_serial_ports};
+use bus_support::{Line, Vcan, has_no_serial_ports};
+use glasswing::bus::can;
+use glasswing::proto::canaerospace::encode;
+use glasswing::signal::{CanData, Parameter};
 use rustix::fs::{FlockOperation, flock};
 use serde_json::Value;
 use std::fs::File;
@@ -195,6 +198,39 @@ fn the_places_of_a_board_file_are_listened_to() {
         finding["protocol"], "gdl90",
         "not what the file says: {told}"
     );
+}
+
+#[test]
+fn a_can_bus_is_named_with_both_its_protocols() {
+    let Some(vcan) = Vcan::make("vcansniff") else {
+        return;
+    };
+    let sender = can::Sender::open(vcan.0).expect("opens");
+    let aerospace = encode(Parameter::Pitch, 0.1, 1, 0).expect("has one");
+    let fix = CanData {
+        id: 0x180,
+        extended: false,
+        len: 5,
+        data: [5, 0, 0, 8, 2, 0, 0, 0],
+    };
+    let place = format!("can:{}", vcan.0);
+    let output = sniff(&["--on", &place, "--json", "--seconds", "10"], || {
+        // A full queue loses a frame or two.
+        let _ = sender.send(&aerospace);
+        let _ = sender.send(&fix);
+    });
+    let told = json(&output);
+    let findings = told["places"][0]["findings"].as_array().expect("a list");
+    let mut named: Vec<&str> = findings
+        .iter()
+        .filter_map(|f| f["protocol"].as_str())
+        .collect();
+    named.sort_unstable();
+    assert_eq!(named, ["can-fix", "canaerospace"], "{told}");
+    let lines = told["board"].as_str().expect("text");
+    assert_eq!(lines.matches("[[source]]").count(), 2, "{lines}");
+    let said = check("sniffed-can", lines);
+    assert_eq!(said.matches("can be heard").count(), 2, "{said}");
 }
 
 #[test]
