@@ -47,7 +47,8 @@ pub struct DecodeArgs {
     pub json: bool,
 }
 
-fn protocol_parser() -> impl TypedValueParser<Value = Protocol> {
+/// A protocol on the command line.
+pub fn protocol_parser() -> impl TypedValueParser<Value = Protocol> {
     PossibleValuesParser::new(Protocol::ALL.map(Protocol::name)).try_map(|name| {
         Protocol::by_name(&name).ok_or_else(|| format!("{name} is not decoded by this version"))
     })

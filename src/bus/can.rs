@@ -36,27 +36,26 @@ const FILTERS_MAX: usize = 512;
 /// A socket bound to an interface.
 pub(super) struct Socket {
     interface: String,
-    /// What the kernel passes on; none for all data frames.
+    /// The identifiers that the kernel passes on, see [`Endpoint::Can`](super::Endpoint::Can); None: every data frame.
     ids: Option<&'static [u16]>,
-    socket: CanSocket,
+    /// None until it can be opened.
+    socket: Option<CanSocket>,
     figures: Arc<SourceFigures>,
 }
 
 impl Socket {
-    pub(super) fn open(
+    /// Not open yet.
+    pub(super) const fn new(
         interface: String,
         ids: Option<&'static [u16]>,
         figures: Arc<SourceFigures>,
-    ) -> Result<Self, BusError> {
-        let socket =
-            open_filtered(&interface, ids).map_err(|source| refusal(&interface, source))?;
-        figures.opened_after(frames_passed(&interface).unwrap_or(0));
-        Ok(Self {
+    ) -> Self {
+        Self {
             interface,
             ids,
-            socket,
+            socket: None,
             figures,
-        })
+        }
     }
 }
 
@@ -85,8 +84,8 @@ fn errno(e: &io::Error) -> Option<Errno> {
 
 fn open_filtered(interface: &str, ids: Option<&[u16]>) -> io::Result<CanSocket> {
     let socket = open(interface)?;
-    let filters = ids.map(filters);
-    if let Some(filters) = filters.filter(|filters| filters.len() <= FILTERS_MAX) {
+    let filters = ids.map(filters).unwrap_or_default();
+    if (1..=FILTERS_MAX).contains(&filters.len()) {
         socket.set_filters(&filters)?;
     }
     socket.set_error_filter_accept_all()?;
@@ -137,7 +136,10 @@ impl Socket {
 
 impl Source for Socket {
     fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
-        let frame = match self.socket.read_frame() {
+        let Some(socket) = &self.socket else {
+            return Err(io::ErrorKind::NotConnected.into());
+        };
+        let frame = match socket.read_frame() {
             Ok(frame) => frame,
             Err(e) if is_pause(&e) => {
                 self.pause();
@@ -178,8 +180,10 @@ impl Source for Socket {
         }
     }
 
-    fn reopen(&mut self) -> io::Result<()> {
-        self.socket = open_filtered(&self.interface, self.ids)?;
+    fn open(&mut self) -> Result<(), BusError> {
+        let socket = open_filtered(&self.interface, self.ids)
+            .map_err(|source| refusal(&self.interface, source))?;
+        self.socket = Some(socket);
         let passed = frames_passed(&self.interface);
         self.figures.opened_after(passed.unwrap_or(0));
         Ok(())

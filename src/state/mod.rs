@@ -1,6 +1,7 @@
 //! Fused, validated flight state. Pure: signals and `now` in, a snapshot out.
 
 pub mod attitude;
+pub mod bounds;
 pub mod compare;
 pub mod crosscheck;
 pub mod derive;
@@ -9,6 +10,7 @@ pub mod fusion;
 mod latch;
 pub mod magnetic;
 pub mod snapshot;
+pub mod traffic;
 mod trail;
 mod wmm2025;
 
