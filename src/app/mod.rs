@@ -26,6 +26,7 @@ pub mod replay;
 pub mod run;
 pub mod shot;
 pub mod simulate;
+pub mod sniff;
 pub mod sources;
 pub mod terrain;
 pub mod terrain_info;

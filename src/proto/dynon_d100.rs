@@ -27,7 +27,7 @@ pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
     StreamDecoder::new(look, take)
 }
 
-fn look(bytes: &[u8], seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     if is_line_end(bytes[0]) {
         return Look::Blank(1);
     }
