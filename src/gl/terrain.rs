@@ -347,7 +347,12 @@ impl TerrainRenderer {
             gl.depth_func(glow::LESS);
             gl.depth_mask(true);
             gl.disable(glow::BLEND);
-            gl.disable(glow::CULL_FACE);
+            // Triangles are counter-clockwise seen from above.
+            if plan.is_above_ground {
+                gl.enable(glow::CULL_FACE);
+                gl.cull_face(glow::BACK);
+                gl.front_face(glow::CCW);
+            }
         }
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
@@ -366,6 +371,7 @@ impl TerrainRenderer {
         unsafe {
             gl.depth_range_f32(0.0, 1.0);
             gl.disable(glow::DEPTH_TEST);
+            gl.disable(glow::CULL_FACE);
         }
     }
 
