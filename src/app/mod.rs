@@ -15,6 +15,7 @@ pub mod frames;
 pub mod health;
 pub mod instruments;
 pub mod intake;
+pub mod links;
 pub mod list;
 pub mod measure;
 pub mod out;
