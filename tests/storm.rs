@@ -149,7 +149,7 @@ fn can_storm(protocol: Protocol) {
         let kind = random.below(16);
         if kind > 2 && protocol == Protocol::CanFix {
             (data[1], data[2]) = (data[1] % 4 & data[0], data[2] & 0x16 & data[3]);
-            data[0] = data[0] % 8 + 1;
+            data[0] = if data[0] % 4 == 0 { 7 } else { 5 };
         } else if kind > 2 {
             (data[0], data[1], data[2]) = (1 + data[0] % 2, *random.of(&types), 0);
             data[3] = u8::try_from(n % 256).expect("a byte");

@@ -13,7 +13,7 @@
 //! protects is not taken from a serial line, and they are ignored.
 
 use super::emit::{Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same};
-use super::framing::{LINE_BYTES_MAX, Look, Piece, is_line_end, text_line};
+use super::framing::{LINE_BYTES_MAX, Look, Piece, at_most, is_line_end, text_line};
 use super::stream::StreamDecoder;
 use super::{Counters, Fault};
 use crate::signal::{BUS_CURRENT, FUEL_QUANTITY, Parameter, Sink, SourceId, engines};
@@ -45,6 +45,7 @@ fn look(bytes: &[u8], seen: usize) -> Look {
         };
         return text_line(bytes, seen, b'=', length);
     }
+    let bytes = at_most(bytes, LINE_BYTES_MAX);
     match bytes.iter().position(|b| is_line_end(*b) || *b == b'=') {
         Some(end) => Look::Foreign(end),
         None if bytes.len() < LINE_BYTES_MAX => Look::More,

@@ -6,7 +6,7 @@ pub(crate) const FOOT: f64 = 0.3048;
 pub(crate) const KNOT: f64 = 1852.0 / 3600.0;
 pub(crate) const FPM: f64 = FOOT / 60.0;
 /// Of mercury at 0 degrees Celsius, hPa.
-pub(crate) const INCH_HG: f64 = 33.863_89;
+pub(crate) const INCH_HG: f64 = 33.863_886_666_7;
 pub(crate) const GALLON: f64 = 3.785_411_784;
 pub(crate) const PSI: f64 = 68.947_572_931_683_6;
 

@@ -244,9 +244,7 @@ pub(crate) fn lines(bytes: &[u8], on: &mut dyn FnMut(&[u8])) {
 
 /// The fields of `boards/flightgear-glasswing.xml` that are checked, by their places.
 pub(crate) fn fg_generic(line: &[u8], said: &mut Said) {
-    let Ok(line) = std::str::from_utf8(line) else {
-        return;
-    };
+    let line = String::from_utf8_lossy(line);
     let fields: Vec<&str> = line.split(',').collect();
     if fields.len() != 33 {
         return;
@@ -349,6 +347,15 @@ pub(crate) fn nmea(body: &[u8], said: &mut Said) {
             said.put(TotalEnergyVerticalSpeed, n(1));
             said.degrees(Roll, n(10));
             said.degrees(Pitch, n(11));
+        }
+        "RPYL" => {
+            let works = text(7).bytes().all(|b| b == b'0');
+            let tenths = |i: usize| n(i).filter(|x| works && *x < 32_767.0).map(|x| x / 10.0);
+            said.degrees(Roll, tenths(1));
+            said.degrees(Pitch, tenths(2));
+            said.compass(HeadingMagnetic, tenths(3));
+            said.degrees(TurnRate, tenths(5));
+            said.put(NormalAcceleration, tenths(6).map(|x| x / 100.0));
         }
         name if name.starts_with('P') => {}
         _ if is("GGA") && matches!(text(6), "1" | "2" | "3" | "4" | "5") => {
