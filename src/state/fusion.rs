@@ -346,10 +346,10 @@ mod tests {
             (Ok(0.1), Some(A)),
             "fail-over"
         );
-        say(&mut f, B, Parameter::Pitch, Ok(0.3), 1030);
+        say(&mut f, B, Parameter::Pitch, Ok(0.21), 1030);
         assert_eq!(
             shown(&mut f, Parameter::Pitch, 1030),
-            (Ok(0.3), Some(B)),
+            (Ok(0.21), Some(B)),
             "back again"
         );
         assert_eq!(

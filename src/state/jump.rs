@@ -58,7 +58,7 @@ const fn agility(slack: f64, rate: f64, acceleration: f64) -> Option<Agility> {
 /// table of ranges; along the path six g.
 const fn limits(parameter: P) -> Option<Agility> {
     match parameter {
-        P::Pitch => agility(0.06, 4.0, 12.0),
+        P::Pitch => agility(0.06, 4.0, 8.0),
         P::Roll => agility(0.1, 7.4, 25.0),
         P::HeadingTrue | P::HeadingMagnetic => agility(0.1, 4.0, 8.0),
         P::Track | P::TrackMagnetic => agility(0.2, 4.0, 4.0),
