@@ -16,6 +16,7 @@ pub mod units;
 // L1: wire to samples.
 pub mod bus;
 pub mod proto;
+pub mod recording;
 
 // L2 to L4: state, what the pilot is told, how it is drawn. Pure.
 pub mod display;

@@ -20,7 +20,8 @@ mod support;
 mod with;
 
 use with::{
-    Cell, Field, Posts, baked, baked_as, hgt_cell, tiff, tiff_cell, write_hgt, zipped_cell,
+    Cell, Field, Posts, baked, baked_as, geokeys, hgt_cell, picture, tiff, tiff_cell, write_hgt,
+    zipped_cell,
 };
 
 const VOID: [i16; 2] = [-32_768, -32_767];
@@ -446,29 +447,6 @@ fn neighbours_that_disagree_are_reported_and_the_southern_or_western_one_is_take
     assert!((seam.latitude_deg - 10.75).abs() < 1e-9 && (seam.longitude_deg - 21.0).abs() < 1e-9);
     let (height_m, _) = Posts::of(&pack).at(0, 21 * 1200, 10 * 1200 + 900);
     assert!((height_m - 107.0).abs() < 1e-9);
-}
-
-/// Keys of a geographic WGS 84 GeoTIFF: model type, raster type, EPSG code.
-fn geokeys(raster_type: u16, extra: &[[u16; 4]]) -> Field {
-    let mut keys = vec![[1024, 0, 1, 2], [1025, 0, 1, raster_type]];
-    keys.extend(extra);
-    let count = u16::try_from(keys.len()).expect("few");
-    Field::shorts(
-        34_735,
-        &[&[1, 1, 0, count], keys.concat().as_slice()].concat(),
-    )
-}
-
-fn picture(columns: u32, rows: u32, bits: u16, format: u16) -> Vec<Field> {
-    vec![
-        Field::longs(256, &[columns]),
-        Field::longs(257, &[rows]),
-        Field::shorts(258, &[bits]),
-        Field::shorts(259, &[1]),
-        Field::shorts(262, &[1]),
-        Field::shorts(277, &[1]),
-        Field::shorts(339, &[format]),
-    ]
 }
 
 #[test]

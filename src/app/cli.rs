@@ -1,7 +1,7 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, demo, list, measure, out, run, shot, terrain};
+use crate::app::{check, decode, demo, list, measure, out, record, replay, run, shot, terrain};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -36,6 +36,8 @@ enum Command {
     Terrain(terrain::TerrainCommand),
     Shot(shot::ShotArgs),
     Decode(decode::DecodeArgs),
+    Record(record::RecordArgs),
+    Replay(replay::ReplayArgs),
     Check(check::CheckArgs),
     List(list::ListArgs),
     /// Measures the terrain, and says how
@@ -66,6 +68,8 @@ pub fn main() -> ExitCode {
         Command::Terrain(command) => terrain::run(command).map_err(|f| vec![f]),
         Command::Shot(args) => shot::run(args).map_err(|f| vec![f]),
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),
+        Command::Record(args) => record::run(args),
+        Command::Replay(args) => replay::run(args),
         Command::Check(args) => check::run(args),
         Command::List(args) => list::run(args).map_err(|f| vec![f]),
         Command::Measure(command) => measure::run(command).map_err(|f| vec![f]),
@@ -112,7 +116,9 @@ fn wrong_usage(e: &clap::Error) -> Failure {
         .take_while(|a| !a.starts_with('-'))
         .take(2)
         .collect();
-    let commands = ["run", "demo", "shot", "decode", "check", "list"];
+    let commands = [
+        "run", "demo", "shot", "decode", "record", "replay", "check", "list",
+    ];
     let todo = match asked.first().map(String::as_str) {
         Some("terrain") => "see glasswing terrain --help".to_owned(),
         Some("measure") => "see glasswing measure --help".to_owned(),

@@ -176,7 +176,9 @@ fn demo(args: &DemoArgs, board: &Board, started: Monotonic) -> Result<(), Failur
         place,
         sensors,
     } = bus;
-    let SourceHandle { signals, thread } = source;
+    let SourceHandle {
+        signals, thread, ..
+    } = source;
     let mut intake = Intake::new([signals], Fusion::new(&[SourceId(0)]));
     let headless = screen.is_headless();
     let figures = fly::fly(

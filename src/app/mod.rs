@@ -1,6 +1,7 @@
 //! Composition: the command line, the board file, the threads and the frame loop.
 
 pub mod board;
+pub mod capture_feed;
 pub mod check;
 pub mod cli;
 pub mod cockpit;
@@ -19,7 +20,10 @@ pub mod list;
 pub mod measure;
 pub mod out;
 pub mod picture;
+pub mod playback;
 pub mod ports;
+pub mod record;
+pub mod replay;
 pub mod run;
 pub mod shot;
 pub mod sources;

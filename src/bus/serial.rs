@@ -34,20 +34,20 @@ const SPEED_ERROR_MAX: f64 = 0.025;
 pub(super) struct Port {
     path: String,
     baud: u32,
-    /// None between a failure and the next opening that succeeds.
+    /// None until it can be opened, and from a failure to the next opening that succeeds.
     fd: Option<OwnedFd>,
     buffer: [u8; SERIAL_CHUNK_BYTES_MAX],
 }
 
 impl Port {
-    pub(super) fn open(path: String, baud: u32) -> Result<Self, BusError> {
-        let fd = open(&path, baud)?;
-        Ok(Self {
+    /// Not open yet.
+    pub(super) const fn new(path: String, baud: u32) -> Self {
+        Self {
             path,
             baud,
-            fd: Some(fd),
+            fd: None,
             buffer: [0; SERIAL_CHUNK_BYTES_MAX],
-        })
+        }
     }
 }
 
@@ -86,11 +86,10 @@ impl Source for Port {
         }
     }
 
-    fn reopen(&mut self) -> io::Result<()> {
+    fn open(&mut self) -> Result<(), BusError> {
         // The old one is let go first: it would hold the port against ourselves.
         self.fd = None;
-        let opened = open(&self.path, self.baud);
-        self.fd = Some(opened.map_err(|e| e.into_source().unwrap_or(io::ErrorKind::Other.into()))?);
+        self.fd = Some(open(&self.path, self.baud)?);
         Ok(())
     }
 }

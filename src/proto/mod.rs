@@ -115,6 +115,10 @@ pub struct Flow {
     pub refused: u64,
     /// Good frames of a kind that has no checksum.
     pub unchecked: u64,
+    /// Alarms of nodes, whose meaning is the node's own.
+    pub alarms: u64,
+    /// Frames numbered just before the last one: out of order, not taken.
+    pub late: u64,
 }
 
 impl Counters {

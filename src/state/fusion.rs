@@ -15,14 +15,16 @@
 //! Pure: no clock, no I/O, no allocation after [`Fusion::new`].
 
 use super::FlightState;
+use super::bounds::Bounds;
 use super::compare::Comparator;
 use super::crosscheck::CrossCheck;
 use super::derive::Deriver;
 use super::frozen::{FLYING_MPS, Stillness};
 use super::jump::Jumps;
+use super::traffic::{FEED_AGE_MAX, Feed, Skies};
 use crate::limits::SOURCES_MAX;
 use crate::sampled::{Invalid, Sampled};
-use crate::signal::{Parameter, Signal, SourceId};
+use crate::signal::{Limit, Parameter, Report, Signal, Sink, SourceId, Traffic};
 use crate::time::Monotonic;
 use arrayvec::ArrayVec;
 
@@ -35,6 +37,8 @@ pub struct Fusion {
     crosscheck: CrossCheck,
     comparator: Comparator,
     deriver: Deriver,
+    skies: Skies,
+    bounds: Bounds,
 }
 
 impl Fusion {
@@ -55,12 +59,42 @@ impl Fusion {
                 stillness: vec![Stillness::new(); SOURCES_MAX],
                 jumps: vec![Jumps::new(); SOURCES_MAX],
                 contradicted: [false; SOURCES_MAX],
+                last: [None; SOURCES_MAX],
+                tells_traffic: [false; SOURCES_MAX],
             },
             unknown_sources: 0,
             flying_since: None,
             crosscheck: CrossCheck::new(),
             comparator: Comparator::default(),
             deriver: Deriver::new(),
+            skies: Skies::new(),
+            bounds: Bounds::NONE,
+        }
+    }
+
+    /// These sources tell of other aircraft, even where there are none: when they are silent that is said.
+    #[must_use]
+    pub fn with_traffic_from(mut self, sources: &[SourceId]) -> Self {
+        for id in sources.iter().filter(|id| self.heard.order.contains(id)) {
+            self.heard.tells_traffic[usize::from(id.0)] = true;
+        }
+        self
+    }
+
+    /// Remembers what a source said that is no value.
+    pub fn report(&mut self, report: &Report) {
+        let order = &self.heard.order;
+        let trust = |id| order.iter().position(|o| *o == id).unwrap_or(usize::MAX);
+        match report {
+            Report::OwnAddress(address) => self.skies.is_own(*address),
+            Report::Traffic(t) if order.contains(&t.source) => {
+                self.skies.see(t, trust);
+                let source = usize::from(t.source.0);
+                self.heard.tells_traffic[source] = true;
+                self.heard.last[source] = Some(t.at);
+            }
+            Report::Limit(l) if order.contains(&l.source) => self.bounds.take(l, trust),
+            Report::Traffic(_) | Report::Limit(_) => self.unknown_sources += 1,
         }
     }
 
@@ -72,6 +106,7 @@ impl Fusion {
             return;
         }
         let source = usize::from(signal.source.0);
+        self.heard.last[source] = Some(signal.at);
         let slot = &mut self.heard.said[source][signal.parameter.index()];
         if slot.at().is_none_or(|at| signal.at >= at) {
             *slot = Sampled::from_result(signal.value, signal.at);
@@ -105,6 +140,9 @@ impl Fusion {
             self.comparator
                 .step(&heard.order, &state, |s, p| heard.read(s, p, now), now);
         state.set_miscompares(miscompares);
+        state.around.targets = self.skies.around(&state, now);
+        state.around.feed = heard.feed(now);
+        state.bounds = self.bounds;
         // What is refuted now is taken away with the next picture.
         let said = |s, p| heard.believed(s, p).read(now, p.spec().age_max);
         self.crosscheck.step(&heard.order, &state, said, now);
@@ -122,6 +160,27 @@ struct Heard {
     jumps: Vec<Jumps>,
     /// Sources whose attitude is refuted.
     contradicted: [bool; SOURCES_MAX],
+    /// When each source last said anything.
+    last: [Option<Monotonic>; SOURCES_MAX],
+    tells_traffic: [bool; SOURCES_MAX],
+}
+
+impl Sink for Fusion {
+    fn signal(&mut self, signal: Signal) {
+        self.apply(&signal);
+    }
+
+    fn traffic(&mut self, traffic: &Traffic) {
+        self.report(&Report::Traffic(*traffic));
+    }
+
+    fn limit(&mut self, limit: &Limit) {
+        self.report(&Report::Limit(*limit));
+    }
+
+    fn own_address(&mut self, address: u32) {
+        self.report(&Report::OwnAddress(address));
+    }
 }
 
 impl Heard {
@@ -145,6 +204,24 @@ impl Heard {
                 ])
             })
             .is_some_and(|speed| speed >= FLYING_MPS)
+    }
+
+    /// Whether anybody would tell of other aircraft.
+    fn feed(&self, now: Monotonic) -> Feed {
+        let mut feed = Feed::None;
+        for (last, _) in self
+            .last
+            .iter()
+            .zip(self.tells_traffic)
+            .filter(|(_, tells)| *tells)
+        {
+            let age = last.and_then(|at| now.since(at));
+            if age.is_some_and(|age| age <= FEED_AGE_MAX) {
+                return Feed::Live;
+            }
+            feed = Feed::Silent;
+        }
+        feed
     }
 
     /// Of every parameter the value that is to be shown.

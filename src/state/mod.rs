@@ -1,6 +1,7 @@
 //! Fused, validated flight state. Pure: signals and `now` in, a snapshot out.
 
 pub mod attitude;
+pub mod bounds;
 pub mod compare;
 pub mod crosscheck;
 pub mod derive;
@@ -10,6 +11,7 @@ pub mod jump;
 mod latch;
 pub mod magnetic;
 pub mod snapshot;
+pub mod traffic;
 mod trail;
 mod wmm2025;
 
