@@ -67,6 +67,7 @@ const MAY_NAME: [(&str, &[&str]); 18] = [
     ("proto", &[]),
     ("recording", &[]),
     ("bus", &[]),
+    ("bench", &["proto", "state::magnetic"]),
     ("state", &[]),
     ("display", &["state::snapshot", "state::FlightState"]),
     ("draw", &["display"]),
