@@ -5,8 +5,8 @@
 //!
 //! `reach = slack + min(rate, recent + acceleration dt) dt`
 //!
-//! with the greatest rate and acceleration of any aircraft that this program flies in, aerobatic ones included (table
-//! below), `recent` the fastest of the last steps, and `dt` no less than the usual time between two values: what waited in
+//! with the greatest rate and acceleration of attitude of any aircraft that this program flies in, aerobatic ones included,
+//! and of the others what flight up to three times gravity makes of them over a second (table below), `recent` the fastest of the last steps, and `dt` no less than the usual time between two values: what waited in
 //! a buffer comes all at once. A value beyond its reach is [`Implausible`](crate::sampled::Invalid::Implausible) at
 //! once, and so is what follows it, until
 //! - a value is again within the reach that there was when the jump came: a disturbance has passed; or
@@ -17,8 +17,8 @@
 //! The first value of a source, and the first after a silence of as long, is believed: there is nothing to hold it against.
 //! A step within its reach is never found: this bounds by how much a single damaged frame without a checksum can mislead.
 //!
-//! Not judged: what a pilot or an engine may change in an instant (settings, bugs, engine, fuel), counts and dates, headings
-//! and turn rate above 60 degrees of pitch, track below 15 m/s, longitude within 6 km of a pole. Roll is judged by how far it
+//! Not judged: what a pilot or an engine may change in an instant (bugs, engine, fuel), counts and dates, headings
+//! and turn rate above 60 degrees of pitch, track below 15 m/s, the direction of wind below 5 m/s, longitude within 6 km of a pole. Roll is judged by how far it
 //! turns the horizon, so that a looping, in which it changes by half a turn at the top, is none.
 
 use crate::signal::Parameter as P;
@@ -33,8 +33,10 @@ pub const RECOVERY: Duration = Duration::from_secs(10);
 const STEEP: f64 = 1.05;
 /// Slower than this, the track is noise, m/s.
 const TRACK_MPS_MIN: f64 = 15.0;
-/// The greatest acceleration along any path, m/s2: six times that of gravity.
-const ACCELERATION_MAX: f64 = 60.0;
+/// The greatest acceleration across the path over a second, m/s2: two and a half times that of gravity, a bank of 69 degrees.
+const TURN_ACCELERATION_MAX: f64 = 25.0;
+/// Of less wind than this, the direction is noise, m/s.
+const WIND_MPS_MIN: f64 = 5.0;
 /// The mean radius of the earth, m.
 const EARTH_M: f64 = 6_371_000.0;
 
@@ -61,15 +63,15 @@ const fn limits(parameter: P) -> Option<Agility> {
         P::Pitch => agility(0.06, 4.0, 8.0),
         P::Roll => agility(0.1, 7.4, 25.0),
         P::HeadingTrue | P::HeadingMagnetic => agility(0.1, 4.0, 8.0),
-        P::Track | P::TrackMagnetic => agility(0.2, 4.0, 4.0),
+        P::Track | P::TrackMagnetic => agility(0.15, 4.0, 4.0),
         P::RollRate | P::PitchRate | P::YawRate => agility(0.8, 30.0, 1000.0),
-        P::TurnRate => agility(0.6, 10.0, 100.0),
+        P::TurnRate => agility(0.6, 10.0, 20.0),
         P::LateralAcceleration => agility(1.0, 20.0, 100.0),
         P::NormalAcceleration | P::LongitudinalAcceleration => agility(2.5, 20.0, 100.0),
         P::SlipBall => agility(0.2, 2.0, 5.0),
         P::Sideslip | P::AngleOfAttack => agility(0.25, 5.0, 20.0),
         P::AngleOfAttackUsed => agility(50.0, 100.0, 1000.0),
-        P::IndicatedAirspeed | P::CalibratedAirspeed | P::TrueAirspeed => agility(15.0, 40.0, 40.0),
+        P::IndicatedAirspeed | P::CalibratedAirspeed | P::TrueAirspeed => agility(15.0, 20.0, 40.0),
         P::MachNumber => agility(0.06, 0.15, 0.15),
         P::PressureAltitude => agility(60.0, 150.0, 80.0),
         P::AltitudeMsl | P::HeightEllipsoid => agility(100.0, 150.0, 80.0),
@@ -78,11 +80,14 @@ const fn limits(parameter: P) -> Option<Agility> {
         P::DensityAltitude => agility(300.0, 150.0, 80.0),
         // Cliffs.
         P::HeightAgl => agility(600.0, 300.0, 100.0),
-        P::VerticalSpeed | P::TotalEnergyVerticalSpeed => agility(20.0, ACCELERATION_MAX, 100.0),
-        P::GroundSpeed => agility(10.0, 40.0, 40.0),
+        P::VerticalSpeed | P::TotalEnergyVerticalSpeed => agility(9.0, 20.0, 60.0),
+        P::GroundSpeed => agility(10.0, 25.0, 40.0),
         P::Latitude | P::Longitude => agility(200.0 / EARTH_M, 700.0 / EARTH_M, 1.0),
         P::StaticAirTemperature | P::TotalAirTemperature => agility(8.0, 1.5, 10.0),
         P::WindSpeed => agility(10.0, 3.0, 10.0),
+        P::WindDirectionTrue | P::WindDirectionMagnetic => agility(0.5, 0.1, 1.0),
+        // A new setting, far from the last, is doubted for a while.
+        P::BaroSetting => agility(15.0, 15.0, 100.0),
         P::StaticPressure => agility(20.0, 20.0, 20.0),
         P::TotalPressure => agility(40.0, 60.0, 60.0),
         _ => None,
@@ -93,7 +98,14 @@ const fn limits(parameter: P) -> Option<Agility> {
 const fn turns(parameter: P) -> bool {
     matches!(
         parameter,
-        P::Roll | P::HeadingTrue | P::HeadingMagnetic | P::Track | P::TrackMagnetic | P::Longitude
+        P::Roll
+            | P::HeadingTrue
+            | P::HeadingMagnetic
+            | P::Track
+            | P::TrackMagnetic
+            | P::Longitude
+            | P::WindDirectionTrue
+            | P::WindDirectionMagnetic
     )
 }
 
@@ -183,7 +195,7 @@ impl Trace {
             self.doubt = Some(Doubt {
                 since: at,
                 last: (value, at),
-                reach: reach + rate * dt_s,
+                reach,
             });
         }
     }
@@ -216,7 +228,10 @@ impl Jumps {
             P::Track | P::TrackMagnetic => {
                 let speed = last(P::GroundSpeed).unwrap_or(TRACK_MPS_MIN);
                 is_judged = speed >= TRACK_MPS_MIN;
-                agility.rate = ACCELERATION_MAX / speed;
+                agility.rate = TURN_ACCELERATION_MAX / speed;
+            }
+            P::WindDirectionTrue | P::WindDirectionMagnetic => {
+                is_judged = last(P::WindSpeed).is_some_and(|speed| speed >= WIND_MPS_MIN);
             }
             P::Longitude => {
                 scale = last(P::Latitude).unwrap_or(0.0).cos();
