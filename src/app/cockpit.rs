@@ -135,7 +135,7 @@ impl Cockpit {
             let shown = match (camera, &mut self.vision) {
                 (Some(camera), Some(vision)) => {
                     vision.dress = Dress::of(&self.ui);
-                    vision.show(&camera, self.quota_texels, &mut drawn)
+                    vision.show(&camera, now, self.quota_texels, &mut drawn)
                 }
                 _ => Shown::off(Terrain::NoCamera),
             };
@@ -168,7 +168,7 @@ impl Cockpit {
     pub fn stream(&mut self, state: &FlightState, now: Monotonic) -> bool {
         let (_, camera) = self.view(state, now);
         match (camera, &mut self.vision) {
-            (Some(camera), Some(vision)) => vision.stream(&camera, self.quota_texels),
+            (Some(camera), Some(vision)) => vision.stream(&camera, now, self.quota_texels),
             _ => true,
         }
     }

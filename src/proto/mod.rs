@@ -21,6 +21,7 @@ pub mod gdl90;
 mod gnss;
 pub mod mgl;
 pub mod nmea;
+pub mod sniff;
 pub mod stream;
 pub mod ubx;
 
@@ -117,6 +118,8 @@ pub struct Flow {
     pub unchecked: u64,
     /// Alarms of nodes, whose meaning is the node's own.
     pub alarms: u64,
+    /// Frames numbered just before the last one: out of order, not taken.
+    pub late: u64,
 }
 
 impl Counters {

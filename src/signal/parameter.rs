@@ -351,6 +351,8 @@ parameters! {
     BatteryTemperature2 = "battery_temperature_2_k", 200.0 => 500.0, 5000;
     /// Second main battery: charge, percent.
     BatteryCharge2 = "battery_charge_2_percent", 0.0 => 100.0, 5000;
+    /// Total less static pressure, hPa.
+    DifferentialPressure = "differential_pressure_hpa", 0.0 => 3000.0, 2000;
     /// Fuel left in all tanks by the source's own reckoning, l.
     FuelRemaining = "fuel_remaining_l", 0.0 => 10_000.0, 5000;
     /// First tank: fuel as mass, kg, of senders that measure it so.
