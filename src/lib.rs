@@ -13,9 +13,11 @@ pub mod signal;
 pub mod time;
 pub mod units;
 
-// L1: wire to samples.
+// L1: wire to samples, and back.
+pub mod bench;
 pub mod bus;
 pub mod proto;
+pub mod recording;
 
 // L2 to L4: state, what the pilot is told, how it is drawn. Pure.
 pub mod display;

@@ -9,6 +9,19 @@ pub const SOURCES_MAX: usize = 8;
 /// which the slowest frame that still counts as flying is drawn.
 pub const SIGNALS_QUEUED_MAX: usize = 16_384;
 
+/// Reports of other aircraft and of limits waiting between a bus thread and the frame loop: two seconds of the densest traffic
+/// that a GDL90 receiver sends (about 120 aircraft a second over a busy airport).
+pub const REPORTS_QUEUED_MAX: usize = 256;
+
+/// Other aircraft remembered at once. Over a busy airport a receiver hears more; the least urgent and farthest are left out.
+pub const TRAFFIC_HEARD_MAX: usize = 64;
+
+/// Other aircraft handed to the display at once: more symbols than anybody can look for.
+pub const TRAFFIC_SHOWN_MAX: usize = 12;
+
+/// Bounds of parameters remembered: nine of airspeed and up to ten of each of a dozen engine parameters; CAN-FIX has no more.
+pub const LIMITS_HEARD_MAX: usize = 128;
+
 /// The longest datagram taken from a UDP socket: an Ethernet MTU of 1500 less 28 bytes of IP and UDP header. FlightGear's
 /// longest is 552.
 pub const DATAGRAM_BYTES_MAX: usize = 1472;

@@ -26,7 +26,7 @@ fn watched(protocol: Protocol) -> (Decode, Arc<[AtomicU64; 2]>) {
     let noted = Arc::clone(&notes);
     let mut decoder = protocol.decoder();
     let decode: Decode = Box::new(move |frame, sink| {
-        decoder.push(frame, &mut |signal| sink(signal));
+        decoder.push(frame, sink);
         let c = decoder.counters();
         let note = usize::from(c.total() > 10);
         noted[note].store(allocations_of_this_thread(), Ordering::Release);

@@ -38,7 +38,7 @@ fn listen(path: &str, baud: u32) -> Result<(SourceHandle, Heard), BusError> {
             baud,
         },
     };
-    let decode = move |frame: glasswing::signal::Frame<'_>, _: &mut dyn FnMut(_)| {
+    let decode = move |frame: glasswing::signal::Frame<'_>, _: &mut dyn glasswing::signal::Sink| {
         if let Wire::Stream(bytes) = frame.wire {
             keep.lock()
                 .expect("nobody panicked")

@@ -58,7 +58,10 @@ fn every_command_has_help_with_an_example() {
         &["shot"],
         &["measure", "accuracy"],
         &["measure", "speed"],
+        &["measure", "latency"],
         &["decode"],
+        &["record"],
+        &["replay"],
         &["check"],
         &["list"],
     ];
@@ -82,7 +85,7 @@ fn every_command_has_help_with_an_example() {
 #[test]
 fn what_does_not_exist_yet_is_not_offered() {
     let help = text(&glasswing(&["--help"]).stdout);
-    for absent in ["replay", "record", "simulate"] {
+    for absent in ["simulate"] {
         assert!(!help.contains(absent), "{absent} is offered:\n{help}");
         refused(&[absent], 2, &[absent]);
     }
@@ -122,37 +125,86 @@ fn a_board_file_with_faults_is_refused_with_every_key_named() {
     );
 }
 
-#[test]
-fn devices_that_are_not_there_are_named() {
-    let folder = support::scratch_dir("cli-devices");
-    let file = folder.join("cockpit.toml");
-    let board = |source: &str| {
-        let text = format!(
-            "inherit = \"base\"\n[screen]\nkind = \"surfaceless\"\n[[source]]\nname = \"a\"\n{source}\n"
-        );
-        std::fs::write(&file, text).expect("written");
-    };
-    let path = file.to_str().expect("UTF-8");
-    board("protocol = \"canaerospace\"\ncan = \"nocan7\"");
-    refused(&["run", "--board", path, "--seconds", "1"], 4, &["nocan7"]);
+/// A headless board with one source, `a`.
+fn board_with(folder: &str, source: &str) -> String {
+    let file = support::scratch_dir(folder).join("cockpit.toml");
+    let screen = std::env::var("GLASSWING_TEST_SCREEN").unwrap_or_else(|_| "surfaceless".into());
+    let text = format!(
+        "inherit = \"base\"\n[screen]\nkind = \"{screen}\"\nsize_px = \"160x120\"\n[input]\ndevices = false\n\
+         [[source]]\nname = \"a\"\n{source}\n"
+    );
+    std::fs::write(&file, text).expect("written");
+    file.to_str().expect("UTF-8").to_owned()
+}
 
+#[test]
+fn a_source_that_is_not_there_is_told_and_waited_for() {
     let taken = UdpSocket::bind("127.0.0.1:0").expect("a port");
     let port = taken.local_addr().expect("bound").port();
-    board(&format!("protocol = \"fgfdm\"\nudp = \"127.0.0.1:{port}\""));
-    refused(
-        &["run", "--board", path, "--seconds", "1"],
-        4,
-        &[&port.to_string(), "another program listens"],
-    );
+    let absent = [
+        (
+            "protocol = \"canaerospace\"\ncan = \"nocan7\"".to_owned(),
+            "source[0].can: can nocan7: ",
+        ),
+        (
+            format!("protocol = \"fgfdm\"\nudp = \"127.0.0.1:{port}\""),
+            "another program listens on port",
+        ),
+        (
+            format!("protocol = \"fgfdm\"\nudp = \"203.0.113.77:{port}\""),
+            "203.0.113.77 is no address of this machine",
+        ),
+        (
+            "protocol = \"nmea\"\nserial = \"/dev/ttyNONE\"\nbaud = 4800".to_owned(),
+            "there is no such port",
+        ),
+    ];
+    for (source, why) in absent {
+        let board = board_with("cli-absent", &source);
+        let stats = std::path::Path::new(&board).with_file_name("stats.json");
+        let stats_path = stats.to_str().expect("UTF-8");
+        let args = [
+            "run",
+            "--board",
+            &board,
+            "--seconds",
+            "0.5",
+            "--stats",
+            stats_path,
+        ];
+        let output = glasswing(&args);
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "it flies: {said}");
+        let told: Vec<&str> = said.lines().filter(|l| l.contains(why)).collect();
+        assert_eq!(told.len(), 1, "told once: {said}");
+        assert!(
+            told[0].contains("source a is closed") && told[0].ends_with(')'),
+            "{said}"
+        );
+        let stats: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(&stats).expect("there")).expect("JSON");
+        assert_eq!(stats["sources"][0]["state"], "closed", "{stats}");
+        refused(&["check", "--board", &board], 4, &[why]);
+    }
+}
 
-    board(&format!(
-        "protocol = \"fgfdm\"\nudp = \"203.0.113.77:{port}\""
-    ));
-    refused(
-        &["run", "--board", path, "--seconds", "1"],
-        4,
-        &["203.0.113.77"],
-    );
+#[test]
+fn a_device_of_another_kind_is_refused_for_good() {
+    if support::is_emulated() {
+        support::skip("no serial ports under emulation");
+        return;
+    }
+    let source = "protocol = \"nmea\"\nserial = \"/dev/null\"\nbaud = 4800";
+    let board = board_with("cli-lasting", source);
+    for command in ["run", "record"] {
+        let out = std::path::Path::new(&board).with_file_name("x.gwr");
+        let out = out.to_str().expect("UTF-8");
+        let mut args = vec![command, "--board", &board, "--seconds", "1"];
+        if command == "record" {
+            args.extend(["--out", out]);
+        }
+        refused(&args, 4, &["/dev/null", "is no serial port"]);
+    }
 }
 
 #[test]

@@ -196,6 +196,38 @@ fn every_identifier_of_rates_air_and_engine_has_its_parameter_unit_and_sign() {
             Parameter::WindDirectionMagnetic,
             rad(240.0),
         ),
+        (520, uint(7500), Parameter::InterTurbineTemperature, 1023.15),
+        (
+            523,
+            uint(6000),
+            Parameter::SecondTurbineOutletTemperature,
+            873.15,
+        ),
+        (554, uint(4000), Parameter::FuelPumpPressure, 40.0 * PSI),
+        (556, uint(150), Parameter::OilQuantity, 1.5 * GALLON),
+        (
+            559,
+            uint(50),
+            Parameter::SecondCoolantQuantity,
+            0.5 * GALLON,
+        ),
+        (560, uint(210), Parameter::MotorCurrent, 210.0),
+        (562, uint(3400), Parameter::PropulsionVoltage, 340.0),
+        (564, int(-35), Parameter::BatteryCurrent1, -35.0),
+        (567, uint(312), Parameter::BatteryTemperature2, 304.35),
+        (568, uint(875), Parameter::BatteryCharge1, 87.5),
+        (572, uint(3950), Parameter::UpperDeckPressure, 39.5 * INCH),
+        (458, uint(30), Parameter::SelectedGlidePath, rad(3.0)),
+        (1153, float(46.5), Parameter::WaypointLatitude, rad(46.5)),
+        (1154, float(-7.25), Parameter::WaypointLongitude, rad(-7.25)),
+        (1155, dint(2000), Parameter::WaypointAltitude, 2000.0 * FOOT),
+        (1157, vec![1, 2, 3], Parameter::WaypointTimeToGo, 3723.0),
+        (1297, uint(142), Parameter::BusVoltage4, 14.2),
+        (1300, uint(25), Parameter::BusCurrent3, 2.5),
+        (1302, uint(284), Parameter::GeneratorVoltage1, 28.4),
+        (1309, uint(300), Parameter::GeneratorCurrent4, 30.0),
+        (1314, uint(4321), Parameter::TachometerTime, 432.1),
+        (1412, vec![55], Parameter::PanelDimmer, 55.0),
         (1292, uint(150), Parameter::CarburettorTemperature, 288.15),
         (1294, uint(141), Parameter::BusVoltage1, 14.1),
         (1298, uint(55), Parameter::BusCurrent1, 5.5),
@@ -253,6 +285,38 @@ fn a_limit_is_never_the_value() {
         one(0x183, &[5, 0, 0x54, 0x14, 0x05]).limits.is_empty(),
         "a failed one"
     );
+}
+
+#[test]
+fn ranges_in_which_an_engine_may_not_run_for_long_are_limits() {
+    for (meta, kind) in [
+        (8, "restriction-1-low"),
+        (9, "restriction-1-high"),
+        (10, "restriction-2-low"),
+        (11, "restriction-2-high"),
+    ] {
+        let heard = one(512, &[5, 0, meta << 4, 0x60, 0x09]);
+        assert!(heard.signals.is_empty(), "a limit is no value");
+        assert_eq!(heard.limits[0].kind, kind);
+        assert!((heard.limits[0].value - 2400.0).abs() < 1e-9, "{kind}");
+        assert!(
+            one(544, &[5, 0, meta << 4, 0, 0]).limits.is_empty(),
+            "oil has none"
+        );
+    }
+}
+
+#[test]
+fn an_alarm_is_noted_and_says_that_its_node_is_alive() {
+    let mut b = Bench::new();
+    b.push(0x222, &[7, 0, 0, 0xD4, 0x03]);
+    b.now_ms += 2000;
+    assert!(b.push(7, &[0x34, 0x12]).signals.is_empty(), "no value");
+    b.now_ms += 1900;
+    let heard = b.push(0x180, &[5, 0, 0, 0, 0]);
+    assert_eq!(heard.last(Parameter::OilTemperature), None, "alive");
+    let c = b.decoder.counters();
+    assert_eq!((c.flow.alarms, c.ignored, c.good), (1, 1, 2));
 }
 
 #[test]

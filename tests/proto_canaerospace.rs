@@ -5,71 +5,17 @@
     reason = "a helper that fails is a test that fails"
 )]
 
+mod canaerospace_support;
 mod support;
 
+use canaerospace_support::{Bench, assert_near, can, float};
 use glasswing::proto::canaerospace::{CanAerospace, IDS, encode, encode_double, encode_no_data};
 use glasswing::proto::capture::CandumpLine;
 use glasswing::proto::{Decoder, Fault};
 use glasswing::sampled::Invalid;
-use glasswing::signal::{CanData, Frame, Parameter, Signal, SourceId, Wire};
+use glasswing::signal::{Frame, Parameter, Signal, SourceId, Wire};
 use glasswing::time::Monotonic;
 use std::f64::consts::{FRAC_PI_2, TAU};
-
-fn can(id: u32, bytes: &[u8]) -> CanData {
-    let mut data = [0; 8];
-    data[..bytes.len()].copy_from_slice(bytes);
-    CanData {
-        id,
-        extended: false,
-        len: u8::try_from(bytes.len()).expect("at most 8"),
-        data,
-    }
-}
-
-/// A FLOAT of node 1, written out byte by byte.
-fn float(id: u32, code: u8, value: f32) -> CanData {
-    let v = value.to_bits();
-    let bytes = [24, 16, 8, 0].map(|shift| ((v >> shift) & 0xFF) as u8);
-    can(id, &[1, 2, 0, code, bytes[0], bytes[1], bytes[2], bytes[3]])
-}
-
-#[derive(Default)]
-struct Bench {
-    decoder: CanAerospace,
-    now_ms: u64,
-}
-
-impl Bench {
-    fn push(&mut self, frame: CanData) -> Vec<Signal> {
-        let mut signals = Vec::new();
-        let frame = Frame {
-            at: Monotonic::from_nanos(self.now_ms * 1_000_000),
-            source: SourceId(2),
-            wire: Wire::Can(frame),
-        };
-        self.decoder.push(frame, &mut |s| signals.push(s));
-        signals
-    }
-
-    /// The one signal that the frame must make.
-    fn one(&mut self, frame: CanData) -> (Parameter, Result<f64, Invalid>) {
-        let signals = self.push(frame);
-        assert_eq!(signals.len(), 1, "{frame:?}");
-        assert_eq!(signals[0].source, SourceId(2), "its own source");
-        (signals[0].parameter, signals[0].value)
-    }
-}
-
-#[track_caller]
-fn assert_near(got: (Parameter, Result<f64, Invalid>), parameter: Parameter, expected: f64) {
-    assert!(
-        got.0 == parameter
-            && got
-                .1
-                .is_ok_and(|x| (x - expected).abs() <= 2e-7 * expected.abs().max(1.0)),
-        "{got:?}, not {parameter:?} {expected}"
-    );
-}
 
 #[test]
 fn the_published_vectors_decode() {
@@ -118,6 +64,46 @@ fn every_identifier_has_its_parameter_unit_and_sign() {
         (1040, 359.0, Parameter::Track, rad(359.0)),
         (1069, 10.0, Parameter::HeadingMagnetic, rad(10.0)),
         (1133, -180.0, Parameter::HeadingTrue, rad(180.0)),
+        (318, 0.3, Parameter::MachNumber, f64::from(0.3_f32)),
+        (323, 290.5, Parameter::TotalAirTemperature, 290.5),
+        (325, 25.5, Parameter::DifferentialPressure, 25.5),
+        (326, 950.0, Parameter::StaticPressure, 950.0),
+        (327, -3.0, Parameter::TurnRate, rad(-3.0)),
+        (333, 7.5, Parameter::WindSpeed, 7.5),
+        (334, -90.0, Parameter::WindDirectionTrue, rad(270.0)),
+        (339, 975.5, Parameter::TotalPressure, 975.5),
+        (501, 2300.0, Parameter::SecondEngineSpeed, 2300.0),
+        (504, 2000.0, Parameter::PropellerSpeed, 2000.0),
+        (512, 1000.0, Parameter::TurbineInletTemperature, 1000.0),
+        (516, 950.0, Parameter::InterTurbineTemperature, 950.0),
+        (520, 900.0, Parameter::ExhaustGasTemperature1, 900.0),
+        (524, 28.5, Parameter::FuelFlow, 28.5),
+        (528, 850.0, Parameter::ManifoldPressure, 850.0),
+        (532, 3500.0, Parameter::OilPressure, 3500.0),
+        (537, 363.0, Parameter::SecondOilTemperature, 363.0),
+        (540, 400.0, Parameter::CylinderHeadTemperature1, 400.0),
+        (544, 5.5, Parameter::OilQuantity, 5.5),
+        (548, 360.0, Parameter::CoolantTemperature, 360.0),
+        (588, 29.5, Parameter::FuelFlow, 29.5),
+        (601, 365.0, Parameter::SecondOilTemperature, 365.0),
+        (668, 45.0, Parameter::FuelMass1, 45.0),
+        (671, 5.0, Parameter::FuelMass4, 5.0),
+        (684, 300.0, Parameter::FuelPressure, 300.0),
+        (920, 14.25, Parameter::BusVoltage1, 14.25),
+        (931, -5.0, Parameter::BusCurrent2, -5.0),
+        (1000, 46.5, Parameter::WaypointLatitude, rad(46.5)),
+        (1001, -7.0, Parameter::WaypointLongitude, rad(-7.0)),
+        (1003, 800.0, Parameter::WaypointAltitude, 800.0),
+        (1007, -120.0, Parameter::CrossTrack, -120.0),
+        (1009, 12.0, Parameter::WaypointTimeToGo, 720.0),
+        (1041, -2.0, Parameter::TrackMagnetic, rad(358.0)),
+        (1042, 60.0, Parameter::CrossTrack, 60.0),
+        (1046, 6.5, Parameter::VerticalAccuracy, 6.5),
+        (1047, 4.5, Parameter::HorizontalAccuracy, 4.5),
+        (1070, 65.0, Parameter::HeightAgl, 65.0),
+        (1087, 1.5, Parameter::LocalizerDeviation, rad(1.5)),
+        (1091, -0.5, Parameter::GlidePathDeviation, rad(-0.5)),
+        (1122, 3.0, Parameter::SelectedGlidePath, rad(3.0)),
     ] {
         for extended in [false, true] {
             let mut bench = Bench::default();
@@ -128,7 +114,8 @@ fn every_identifier_has_its_parameter_unit_and_sign() {
         }
         assert!(IDS.contains(&u16::try_from(id).expect("11 bits")), "{id}");
     }
-    assert_eq!(IDS.len(), 31, "and no other identifier");
+    // 48 of them are the engines': twelve quantities, two engines, two channels.
+    assert_eq!(IDS.len(), 113, "and no other identifier");
 }
 
 #[test]
@@ -167,8 +154,8 @@ fn what_is_encoded_decodes_to_the_same_number() {
             "{parameter:?}"
         );
     }
-    // 31 identifiers, four of which only stand in for another of the same parameter.
-    assert_eq!(encoded.len(), 27, "parameters with an identifier");
+    // 113 identifiers; 24 channels B and four others stand in for another one of the same parameter, and UTC is no FLOAT.
+    assert_eq!(encoded.len(), 113 - 28 - 1, "parameters with an identifier");
 }
 
 #[test]
@@ -291,6 +278,9 @@ fn wrong_lengths_and_types_are_counted_and_give_nothing() {
             0 => assert_eq!((signals.len(), counters.bad(Fault::Long)), (0, 1)),
             1 => assert_eq!(signals[0].value, Err(Invalid::SourceFailed)),
             2 => assert!(signals[0].value.is_ok(), "FLOAT"),
+            // A whole number of degrees as large as these bits is no pitch.
+            3 | 4 => assert_eq!(signals[0].value, Err(Invalid::OutOfRange)),
+            6 | 7 | 9 | 10 => assert_eq!((signals.len(), counters.bad(Fault::Long)), (0, 1)),
             _ => assert_eq!(
                 (signals.len(), counters.bad(Fault::Type)),
                 (0, 1),
@@ -310,6 +300,9 @@ fn numbers_that_cannot_be_are_told_as_faults() {
         (-f32::MAX, Fault::OutOfRange),
     ] {
         for id in IDS {
+            if id == 1200 {
+                continue;
+            }
             let mut bench = Bench::default();
             let (_, value) = bench.one(float(u32::from(id), 0, x));
             assert_eq!(value, Err(Invalid::OutOfRange), "{id} {x}");
@@ -340,74 +333,38 @@ fn other_traffic_is_ignored_quietly() {
 }
 
 #[test]
-fn message_codes_tell_lost_repeated_and_frozen_frames() {
-    let mut bench = Bench::default();
-    for (code, x) in [
-        (254, 1.0),
-        (255, 2.0),
-        (0, 3.0),
-        (3, 4.0),
-        (3, 5.0),
-        (3, 5.0),
-        (4, 6.0),
+fn whole_numbers_say_their_size_and_are_in_the_identifiers_unit() {
+    for (data_type, value, expected) in [
+        (3_u8, &[0, 0, 0x09, 0x60][..], 2400.0),
+        (4, &[0, 0, 0x09, 0x60], 2400.0),
+        (6, &[0x09, 0x60], 2400.0),
+        (7, &[0x80, 0x00], 32_768.0),
+        (9, &[0x7F], 127.0),
+        (10, &[0xFF], 255.0),
     ] {
-        bench.push(float(311, code, x));
+        let frame = can(500, &[&[1, data_type, 0, 0][..], value].concat());
+        let got = Bench::default().one(frame);
+        assert_near(got, Parameter::EngineSpeed, expected);
     }
-    let flow = bench.decoder.counters().flow;
-    assert_eq!((flow.lost, flow.repeated, flow.frozen), (2, 2, 1));
-    // Another identifier counts by itself; a restart is not 200 lost frames.
-    bench.push(float(312, 90, 1.0));
-    bench.push(float(311, 0, 7.0));
-    let flow = bench.decoder.counters().flow;
-    assert_eq!((flow.lost, flow.repeated), (2, 2));
-    assert_eq!(bench.decoder.counters().good, 9, "notes, not verdicts");
+    let below_zero = Bench::default().one(can(314, &[1, 6, 0, 0, 0xFF, 0xFE]));
+    assert_near(below_zero, Parameter::VerticalSpeed, -2.0);
+    let time = Bench::default().one(can(1200, &[1, 15, 0, 0, 13, 43, 22, 0]));
+    assert_near(time, Parameter::UtcTimeOfDay, 49_402.0);
+    let no_time = Bench::default().one(can(1200, &[1, 15, 0, 0, 24, 0, 0, 0]));
+    assert_eq!(no_time.1, Err(Invalid::OutOfRange), "{no_time:?}");
+    let mut bench = Bench::default();
+    bench.push(float(1200, 0, 49_402.0));
+    assert_eq!(bench.decoder.counters().bad(Fault::Type), 1);
 }
 
 #[test]
-fn a_sequence_that_stands_still_is_frozen_after_the_parameters_greatest_age() {
-    let mut bench = Bench::default();
-    let at = |bench: &mut Bench, ms, code| {
-        bench.now_ms = ms;
-        bench.one(float(311, code, 1.0)).1
-    };
-    for (ms, code) in [(1000, 7), (1020, 8), (1320, 8)] {
-        assert!(at(&mut bench, ms, code).is_ok(), "{ms} ms");
-    }
-    assert_eq!(at(&mut bench, 1321, 8), Err(Invalid::Frozen));
-    let mut other = float(311, 40, 2.0);
-    other.data[0] = 9;
-    bench.now_ms = 1330;
-    assert!(bench.one(other).1.is_ok(), "another node takes over");
-    // A sender that never counts is no worse for it.
-    let mut bench = Bench::default();
-    for ms in (1000..9000).step_by(20) {
-        assert!(at(&mut bench, ms, 0).is_ok(), "{ms} ms");
-    }
-}
-
-#[test]
-fn a_redundant_node_takes_over_when_the_first_fails_or_falls_silent() {
-    let from = |node: u8, x| {
-        let mut frame = float(311, 0, x);
-        frame.data[0] = node;
-        frame
-    };
-    let mut bench = Bench::default();
-    assert_eq!(bench.push(from(1, 1.0)).len(), 1);
-    bench.now_ms = 300;
-    assert_eq!(bench.push(from(2, 2.0)).len(), 0, "the first is alive");
-    bench.now_ms = 301;
-    assert_eq!(bench.push(from(2, 2.0)).len(), 1, "the first is silent");
-    assert_eq!(bench.push(from(1, 1.0)).len(), 0, "and stays second");
-    let failed = can(311, &[2, 0, 0, 0]);
-    assert_eq!(bench.one(failed).1, Err(Invalid::SourceFailed));
-    assert_eq!(bench.push(from(1, 1.0)).len(), 1, "the second has failed");
-    assert_eq!(bench.push(failed).len(), 0, "its failure is old news");
-    assert_eq!(bench.one(from(1, f32::NAN)).1, Err(Invalid::OutOfRange));
-    assert_eq!(
-        bench.push(from(2, 2.0)).len(),
-        1,
-        "nonsense is a failure too"
+fn the_service_code_of_a_waypoint_is_its_number() {
+    let mut frame = float(1003, 0, 800.0);
+    frame.data[2] = 4;
+    assert_near(
+        Bench::default().one(frame),
+        Parameter::WaypointAltitude,
+        800.0,
     );
 }
 
@@ -458,7 +415,7 @@ fn no_damage_gives_a_number_that_its_parameter_cannot_have() {
     let mut numbers = 0_u64;
     for i in 0..frames {
         let id = IDS[usize::try_from(next()).unwrap() % IDS.len()];
-        let types = [2, 2, 2, 3, 30, 31, 0, 1, 12, 40];
+        let types = [2, 2, 2, 3, 30, 31, 0, 1, 12, 40, 6, 15];
         let data_type = types[usize::try_from(next()).unwrap() % types.len()];
         let [a, b, c, d, ..] = (next() << 1 ^ next()).to_le_bytes();
         let mut frame = can(u32::from(id), &[1, data_type, 0, 0, a, b, c, d]);

@@ -54,7 +54,7 @@ const VOCABULARY: [&str; 9] = [
 ];
 
 /// What each layer may name beside itself and the vocabulary: a module, or one name in it.
-const MAY_NAME: [(&str, &[&str]); 17] = [
+const MAY_NAME: [(&str, &[&str]); 19] = [
     ("limits", &[]),
     ("time", &[]),
     ("units", &[]),
@@ -65,7 +65,9 @@ const MAY_NAME: [(&str, &[&str]); 17] = [
     ("signal", &[]),
     ("heap", &[]),
     ("proto", &[]),
+    ("recording", &[]),
     ("bus", &[]),
+    ("bench", &["proto", "state::magnetic"]),
     ("state", &[]),
     ("display", &["state::snapshot", "state::FlightState"]),
     ("draw", &["display"]),

@@ -1,7 +1,9 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, demo, list, measure, out, run, shot, terrain};
+use crate::app::{
+    check, decode, demo, list, measure, out, record, replay, run, shot, simulate, terrain,
+};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -36,9 +38,12 @@ enum Command {
     Terrain(terrain::TerrainCommand),
     Shot(shot::ShotArgs),
     Decode(decode::DecodeArgs),
+    Record(record::RecordArgs),
+    Replay(replay::ReplayArgs),
+    Simulate(simulate::SimulateArgs),
     Check(check::CheckArgs),
     List(list::ListArgs),
-    /// Measures the terrain, and says how
+    /// Measures terrain and buses, and says how
     #[command(subcommand)]
     Measure(measure::MeasureCommand),
 }
@@ -66,6 +71,9 @@ pub fn main() -> ExitCode {
         Command::Terrain(command) => terrain::run(command).map_err(|f| vec![f]),
         Command::Shot(args) => shot::run(args).map_err(|f| vec![f]),
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),
+        Command::Record(args) => record::run(args),
+        Command::Replay(args) => replay::run(args),
+        Command::Simulate(args) => simulate::run(args).map_err(|f| vec![f]),
         Command::Check(args) => check::run(args),
         Command::List(args) => list::run(args).map_err(|f| vec![f]),
         Command::Measure(command) => measure::run(command).map_err(|f| vec![f]),
@@ -112,7 +120,9 @@ fn wrong_usage(e: &clap::Error) -> Failure {
         .take_while(|a| !a.starts_with('-'))
         .take(2)
         .collect();
-    let commands = ["run", "demo", "shot", "decode", "check", "list"];
+    let commands = [
+        "run", "demo", "shot", "decode", "simulate", "record", "replay", "check", "list",
+    ];
     let todo = match asked.first().map(String::as_str) {
         Some("terrain") => "see glasswing terrain --help".to_owned(),
         Some("measure") => "see glasswing measure --help".to_owned(),

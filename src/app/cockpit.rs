@@ -10,7 +10,10 @@ use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::Size;
 use crate::app::vision::{Dress, Shown, Vision};
 use crate::bus::input::Action;
-use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
+use crate::display::{
+    BaroSetting, BaroUnit, CameraHeight, Config, Model, SourceName, Terrain, Ui, VSpeeds,
+    source_name,
+};
 use crate::geo::{Camera, Geodetic};
 use crate::gl::look::Palette;
 use crate::gl::scenery::SceneryError;
@@ -253,6 +256,10 @@ fn config(board: &Board) -> Config {
             vne: marks.vne,
         },
         hfov: board.hfov,
+        source_names: std::array::from_fn(|i| {
+            let named = board.sources.get(i);
+            named.map_or_else(SourceName::new, |source| source_name(&source.name))
+        }),
     }
 }
 

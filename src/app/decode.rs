@@ -42,12 +42,13 @@ pub struct DecodeArgs {
     /// quality (`good`, or why there is no value). With --json the samples are an array `samples` of the one document.
     #[arg(long)]
     pub samples: bool,
-    /// Print one JSON document: good, bad {kind: count}, ignored, flow {lost, repeated, frozen, failed, refused, unchecked}.
+    /// Print one JSON document: good, bad {kind: count}, ignored, flow {lost, repeated, frozen, failed, refused, unchecked, alarms, late}.
     #[arg(long)]
     pub json: bool,
 }
 
-fn protocol_parser() -> impl TypedValueParser<Value = Protocol> {
+/// A protocol on the command line.
+pub fn protocol_parser() -> impl TypedValueParser<Value = Protocol> {
     PossibleValuesParser::new(Protocol::ALL.map(Protocol::name)).try_map(|name| {
         Protocol::by_name(&name).ok_or_else(|| format!("{name} is not decoded by this version"))
     })
@@ -194,7 +195,7 @@ impl Outcome {
             "flow".to_owned(),
             json!({
                 "lost": flow.lost, "repeated": flow.repeated, "frozen": flow.frozen, "failed": flow.failed,
-                "refused": flow.refused, "unchecked": flow.unchecked,
+                "refused": flow.refused, "unchecked": flow.unchecked, "alarms": flow.alarms, "late": flow.late,
             }),
         );
         document
@@ -213,8 +214,15 @@ impl Outcome {
         }
         text += &format!("ignored  {ignored}\n");
         text + &format!(
-            "flow     {} lost, {} repeated, {} frozen, {} failed, {} fields refused, {} unchecked",
-            flow.lost, flow.repeated, flow.frozen, flow.failed, flow.refused, flow.unchecked
+            "flow     {} lost, {} repeated, {} frozen, {} failed, {} fields refused, {} unchecked, {} alarms, {} late",
+            flow.lost,
+            flow.repeated,
+            flow.frozen,
+            flow.failed,
+            flow.refused,
+            flow.unchecked,
+            flow.alarms,
+            flow.late
         )
     }
 }

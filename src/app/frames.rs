@@ -19,6 +19,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// Pictures on their way to the disk: a quarter of a second at 30 Hz.
 const BUFFERS: usize = 8;
@@ -128,6 +129,14 @@ impl FrameWriter {
             thread.thread().unpark();
         }
         pushed
+    }
+
+    /// The same, waiting for a buffer: for pictures that are made at no particular time.
+    pub fn write_patiently(&mut self, row: FrameRow, fill: impl FnOnce(&mut [u8])) {
+        while self.empty.is_empty() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.write(row, fill);
     }
 
     /// Writes what is on its way and ends. Returns how many frames were written.
@@ -289,7 +298,7 @@ mod tests {
         let mut writer = FrameWriter::start(&folder, size, start).expect("starts");
         let mut state = FlightState::empty();
         state.set(Parameter::Pitch, Sampled::good(0.125, start), SourceId(0));
-        let now = start.plus(std::time::Duration::from_millis(100));
+        let now = start.plus(Duration::from_millis(100));
         assert!(
             writer.write(
                 FrameRow {

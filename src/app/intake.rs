@@ -1,8 +1,8 @@
 //! From the rings of the bus threads to the flight state, on the frame loop's own thread just before it draws: the
 //! shortest way, and ages are judged at the moment of the picture.
 
-use crate::limits::{SIGNALS_QUEUED_MAX, SOURCES_MAX};
-use crate::signal::Signal;
+use crate::limits::{REPORTS_QUEUED_MAX, SIGNALS_QUEUED_MAX, SOURCES_MAX};
+use crate::signal::{Report, Signal};
 use crate::state::{FlightState, Fusion};
 use crate::time::Monotonic;
 use arrayvec::ArrayVec;
@@ -11,6 +11,7 @@ use arrayvec::ArrayVec;
 #[derive(Debug)]
 pub struct Intake {
     rings: ArrayVec<rtrb::Consumer<Signal>, SOURCES_MAX>,
+    reports: ArrayVec<rtrb::Consumer<Report>, SOURCES_MAX>,
     fusion: Fusion,
 }
 
@@ -20,7 +21,17 @@ impl Intake {
     pub fn new(rings: impl IntoIterator<Item = rtrb::Consumer<Signal>>, fusion: Fusion) -> Self {
         Self {
             rings: rings.into_iter().take(SOURCES_MAX).collect(),
+            reports: ArrayVec::new(),
             fusion,
+        }
+    }
+
+    /// Reads also these rings, of the same sources.
+    #[must_use]
+    pub fn with_reports(self, reports: impl IntoIterator<Item = rtrb::Consumer<Report>>) -> Self {
+        Self {
+            reports: reports.into_iter().take(SOURCES_MAX).collect(),
+            ..self
         }
     }
 
@@ -33,6 +44,14 @@ impl Intake {
                     break;
                 };
                 self.fusion.apply(&signal);
+            }
+        }
+        for ring in &mut self.reports {
+            for _ in 0..REPORTS_QUEUED_MAX {
+                let Ok(report) = ring.pop() else {
+                    break;
+                };
+                self.fusion.report(&report);
             }
         }
         self.fusion.step(now)

@@ -7,12 +7,14 @@ use crate::app::fly::{self, Every, Plan};
 use crate::app::frames::FrameWriter;
 use crate::app::health::{Health, Pulse};
 use crate::app::intake::Intake;
+use crate::app::links::Links;
 use crate::app::picture::Size;
+use crate::app::record;
 use crate::app::sources::{self, Watch};
 use crate::bus::input::{InputEvent, InputThread};
 use crate::bus::{self, SourceThread};
+use crate::recording::{self, Recorder, Report, Tap};
 use crate::screen::Screen;
-use crate::state::Fusion;
 use crate::time::Monotonic;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -49,6 +51,12 @@ pub struct RunArgs {
     /// Write the run's figures as JSON on exit
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
+    /// Record what the sources hear, for `glasswing replay`
+    #[arg(long, value_name = "RECORDING")]
+    record: Option<PathBuf>,
+    /// The most that the recording may take on the disk, as in 500M or 2G; its oldest part makes way
+    #[arg(long, value_name = "SIZE", value_parser = record::size, requires = "record")]
+    size_limit: Option<u64>,
 }
 
 impl Default for RunArgs {
@@ -60,6 +68,8 @@ impl Default for RunArgs {
             frames_dir: None,
             every: 1,
             stats: None,
+            record: None,
+            size_limit: None,
         }
     }
 }
@@ -91,7 +101,8 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
     let pack = args.pack.as_ref().or(board.terrain.pack.as_ref());
     let pack = pack.map(|p| cockpit::open_pack(p)).transpose()?;
     // Sources first: they refuse soonest, and what they hear until the screen is open is not lost.
-    let (mut intake, sources) = listen(board)?;
+    let (recorder, taps) = recorder(board, &args)?;
+    let (mut intake, sources) = listen(board, taps)?;
     let mut screen = cockpit::open_screen(board)?;
     let mut cockpit = Cockpit::new(screen.as_ref(), board, pack)?;
     tracing::info!("{} on {}", cockpit.describe(), screen.describe());
@@ -99,8 +110,13 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
     let (mut actions, _input) = listen_to_pilot(board);
     let pulse = Arc::new(Pulse::default());
     let mut watch = Watch::new(&sources);
-    let health =
-        Health::start(Arc::clone(&pulse), move || watch.look()).map_err(Failure::no_thread)?;
+    let mut links = Links::new(&sources, Monotonic::read());
+    let mut recording = recorder.as_ref().map(RecordingWatch::new);
+    let health = Health::start(Arc::clone(&pulse), move || {
+        watch.look();
+        recording.iter_mut().for_each(RecordingWatch::look);
+    })
+    .map_err(Failure::no_thread)?;
     let plan = Plan {
         stop,
         duration: args.seconds,
@@ -117,12 +133,18 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
             while let Some(event) = actions.as_mut().and_then(|ring| ring.pop().ok()) {
                 cockpit.act(event.action);
             }
+            cockpit.ui.links = links.look(Monotonic::read());
         },
         |now| intake.step(now),
     )?;
     drop(health);
+    let mut stats = with_sources(figures.to_json(), &sources);
+    drop(sources);
+    if let Some(recorder) = recorder {
+        stats["recording"] = record::to_json(&recorder.finish());
+    }
     if let Some(file) = &args.stats {
-        write_json(file, &with_sources(figures.to_json(), &sources))?;
+        write_json(file, &stats)?;
     }
     Ok(())
 }
@@ -141,18 +163,61 @@ pub fn stop_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stop)
 }
 
-/// Starts listening to every source of the board, the first the most trusted.
-fn listen(board: &Board) -> Result<(Intake, Vec<SourceThread>), Failure> {
+/// The flight recorder, with a tap for each source.
+fn recorder(board: &Board, args: &RunArgs) -> Result<(Option<Recorder>, Vec<Tap>), Failure> {
+    let Some(path) = args.record.clone() else {
+        return Ok((None, Vec::new()));
+    };
+    let (recorder, taps) = Recorder::start(recording::Plan {
+        path,
+        size_limit: args.size_limit,
+        header: record::header(board, false),
+    })?;
+    Ok((Some(recorder), taps))
+}
+
+/// Says in the log when the recording cannot be written, and when it can again.
+struct RecordingWatch {
+    report: Box<dyn Fn() -> Report + Send>,
+    failing: bool,
+}
+
+impl RecordingWatch {
+    fn new(recorder: &Recorder) -> Self {
+        Self {
+            report: Box::new(recorder.reporter()),
+            failing: false,
+        }
+    }
+
+    fn look(&mut self) {
+        let failing = (self.report)().failing;
+        match (&failing, self.failing) {
+            (Some(e), false) => {
+                tracing::warn!("the recording cannot be written: {e} (make room on the disk)")
+            }
+            (None, true) => tracing::warn!("the recording can be written again"),
+            _ => {}
+        }
+        self.failing = failing.is_some();
+    }
+}
+
+/// Starts listening to every source of the board, the first the most trusted. One that is not there is waited for.
+fn listen(board: &Board, taps: Vec<Tap>) -> Result<(Intake, Vec<SourceThread>), Failure> {
+    let mut taps = taps.into_iter();
     let mut rings = Vec::new();
+    let mut reports = Vec::new();
     let mut threads = Vec::new();
-    let mut ids = Vec::new();
     for (i, source) in board.sources.iter().enumerate() {
-        let handle = sources::listen_to(board, i, source)?;
-        ids.push(handle.thread.id());
+        let handle = sources::listen_or_wait(board, i, source, taps.next())?;
         rings.push(handle.signals);
+        reports.push(handle.reports);
         threads.push(handle.thread);
     }
-    Ok((Intake::new(rings, Fusion::new(&ids)), threads))
+    let protocols = board.sources.iter().map(|wish| wish.protocol);
+    let intake = Intake::new(rings, sources::fusion(protocols)).with_reports(reports);
+    Ok((intake, threads))
 }
 
 type Actions = Option<rtrb::Consumer<InputEvent>>;
@@ -194,8 +259,16 @@ fn frame_writer(
 /// The figures of a run with those of its sources.
 #[must_use]
 pub fn with_sources(mut figures: Value, threads: &[SourceThread]) -> Value {
-    let rows = threads.iter().map(sources::to_json).collect();
-    figures["sources"] = Value::Array(rows);
+    let mut ways = figures["receive_to_present_ms"].take();
+    let row = |source: &SourceThread| {
+        let mut row = sources::to_json(source);
+        row["receive_to_present_ms"] = ways[usize::from(source.id().0)].take();
+        row
+    };
+    figures["sources"] = threads.iter().map(row).collect();
+    if let Some(figures) = figures.as_object_mut() {
+        figures.remove("receive_to_present_ms");
+    }
     figures
 }
 

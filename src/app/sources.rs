@@ -7,7 +7,9 @@ use crate::bus::{
     SourceHandle, SourceThread, Tally,
 };
 use crate::proto::{Counters, Decoder, Fault, Protocol};
-use crate::signal::{SourceId, Wire};
+use crate::recording::Tap;
+use crate::signal::{Signal, SourceId, Wire};
+use crate::state::Fusion;
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -17,16 +19,89 @@ use std::sync::Arc;
 /// # Errors
 /// When it cannot be opened; names the file and the key.
 pub fn listen_to(board: &Board, index: usize, wish: &SourceWish) -> Result<SourceHandle, Failure> {
-    // A board file has at most SOURCES_MAX sources, which fit a byte.
-    let id = SourceId(u8::try_from(index).unwrap_or(u8::MAX));
-    let (name, protocol) = (wish.name.as_str(), wish.protocol);
-    let decoder = wish.decoder();
-    let opened = match &wish.endpoint {
-        board::Endpoint::Udp { bind, allow } => listen_udp(name, id, decoder, *bind, allow.clone()),
-        board::Endpoint::Can { interface } => listen_can(name, id, protocol, interface),
-        board::Endpoint::Serial { path, baud } => listen_serial(name, id, decoder, path, *baud),
-    };
+    let opened = bus::spawn(config(index, wish), decode(wish.decoder(), None));
     opened.map_err(|e| refusal(board, index, wish, e))
+}
+
+/// Listens to a source of a board file, or waits until it can be listened to, which is then told in the log; see
+/// [`bus::spawn_patiently`]. What it says is recorded where there is a recording.
+///
+/// # Errors
+/// When it can never be opened; names the file and the key.
+pub fn listen_or_wait(
+    board: &Board,
+    index: usize,
+    wish: &SourceWish,
+    tap: Option<Tap>,
+) -> Result<SourceHandle, Failure> {
+    wait_with(
+        board,
+        index,
+        wish,
+        config(index, wish),
+        decode(wish.decoder(), tap),
+    )
+}
+
+/// Records everything that comes from a source of a board file, decoding it only to count what is good; waits for the
+/// source until it can be opened.
+///
+/// # Errors
+/// When it can never be opened; names the file and the key.
+pub fn record(
+    board: &Board,
+    index: usize,
+    wish: &SourceWish,
+    tap: Option<Tap>,
+) -> Result<SourceHandle, Failure> {
+    let mut config = config(index, wish);
+    if let Endpoint::Can { interface, .. } = config.endpoint {
+        config.endpoint = Endpoint::WholeCan { interface };
+    }
+    let mut decode = decode(wish.decoder(), tap);
+    let unheard: Decode = Box::new(move |frame, _| decode(frame, &mut |_: Signal| ()));
+    wait_with(board, index, wish, config, unheard)
+}
+
+fn wait_with(
+    board: &Board,
+    index: usize,
+    wish: &SourceWish,
+    config: SourceConfig,
+    decode: Decode,
+) -> Result<SourceHandle, Failure> {
+    let refused = |e| refusal(board, index, wish, e);
+    let (handle, waiting) = bus::spawn_patiently(config, decode).map_err(refused)?;
+    if let Some(e) = waiting {
+        let name = &wish.name;
+        tracing::warn!(
+            "source {name} is closed, and opened as soon as it can be: {}",
+            refusal(board, index, wish, e)
+        );
+    }
+    Ok(handle)
+}
+
+fn config(index: usize, wish: &SourceWish) -> SourceConfig {
+    SourceConfig {
+        name: wish.name.clone(),
+        // A board file has at most SOURCES_MAX sources, which fit a byte.
+        id: SourceId(u8::try_from(index).unwrap_or(u8::MAX)),
+        endpoint: match &wish.endpoint {
+            board::Endpoint::Udp { bind, allow } => Endpoint::Udp {
+                bind: *bind,
+                allow: allow.clone(),
+            },
+            board::Endpoint::Can { interface } => Endpoint::Can {
+                interface: interface.clone(),
+                ids: wish.protocol.can_ids(),
+            },
+            board::Endpoint::Serial { path, baud } => Endpoint::Serial {
+                path: path.clone(),
+                baud: *baud,
+            },
+        },
+    }
 }
 
 /// A source that refuses, as the failure that names file and key.
@@ -102,16 +177,19 @@ pub fn listen(
         id,
         endpoint,
     };
-    bus::spawn(config, decode(decoder.into()))
+    bus::spawn(config, decode(decoder.into(), None))
 }
 
-/// A bus's view of a decoder.
-fn decode(mut decoder: Box<dyn Decoder>) -> Decode {
+/// A bus's view of a decoder, and of a recording, which has every frame before the decoder does.
+pub fn decode(mut decoder: Box<dyn Decoder>, mut tap: Option<Tap>) -> Decode {
     Box::new(move |frame, sink| {
+        if let Some(tap) = &mut tap {
+            tap.take(&frame);
+        }
         match frame.wire {
             // Half a frame of before and half a one of now make none.
             Wire::Stream([]) => decoder.finish(),
-            _ => decoder.push(frame, &mut |signal| sink(signal)),
+            _ => decoder.push(frame, sink),
         }
         let counters = decoder.counters();
         Tally {
@@ -120,6 +198,19 @@ fn decode(mut decoder: Box<dyn Decoder>) -> Decode {
             ignored: counters.ignored,
         }
     })
+}
+
+/// The fusion of sources that speak these protocols, the most trusted first.
+#[must_use]
+pub fn fusion(protocols: impl IntoIterator<Item = Protocol>) -> Fusion {
+    // A board file has at most SOURCES_MAX sources, which fit a byte.
+    let rows = (0..=u8::MAX).map(SourceId).zip(protocols);
+    let (ids, protocols): (Vec<SourceId>, Vec<Protocol>) = rows.unzip();
+    // A receiver of traffic says where nobody is, too, by going on about itself.
+    let rows = ids.iter().zip(protocols);
+    let traffic = rows.filter_map(|(id, protocol)| (protocol == Protocol::Gdl90).then_some(*id));
+    let traffic: Vec<SourceId> = traffic.collect();
+    Fusion::new(&ids).with_traffic_from(&traffic)
 }
 
 /// In the order of [`Fault::ALL`].
@@ -163,10 +254,13 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Over these sources, which are open now.
+    /// Over these sources; how they fare now is known.
     #[must_use]
     pub fn new(sources: &[SourceThread]) -> Self {
-        let row = |s: &SourceThread| (s.name().to_owned(), Arc::clone(s.figures()), Link::Open);
+        let row = |s: &SourceThread| {
+            let link = s.figures().link();
+            (s.name().to_owned(), Arc::clone(s.figures()), link)
+        };
         Self {
             rows: sources.iter().map(row).collect(),
         }

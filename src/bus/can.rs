@@ -26,6 +26,9 @@ const FLAG_EXTENDED: u32 = 0x8000_0000;
 const FLAG_REMOTE: u32 = 0x4000_0000;
 const MASK_STANDARD: u32 = 0x7FF;
 const MASK_EXTENDED: u32 = 0x1FFF_FFFF;
+/// Bits that are zero in a 29-bit identifier made of an 11-bit one and a redundancy channel in bits 16 to 23, as CANaerospace
+/// makes them.
+const MASK_NOT_CHANNEL: u32 = 0x1F00_F800;
 
 /// The kernel takes at most this many filters per socket (`CAN_RAW_FILTER_MAX`).
 const FILTERS_MAX: usize = 512;
@@ -33,26 +36,26 @@ const FILTERS_MAX: usize = 512;
 /// A socket bound to an interface.
 pub(super) struct Socket {
     interface: String,
-    ids: &'static [u16],
-    socket: CanSocket,
+    /// The identifiers that the kernel passes on, see [`Endpoint::Can`](super::Endpoint::Can); None: every data frame.
+    ids: Option<&'static [u16]>,
+    /// None until it can be opened.
+    socket: Option<CanSocket>,
     figures: Arc<SourceFigures>,
 }
 
 impl Socket {
-    pub(super) fn open(
+    /// Not open yet.
+    pub(super) const fn new(
         interface: String,
-        ids: &'static [u16],
+        ids: Option<&'static [u16]>,
         figures: Arc<SourceFigures>,
-    ) -> Result<Self, BusError> {
-        let socket =
-            open_filtered(&interface, ids).map_err(|source| refusal(&interface, source))?;
-        figures.opened_after(frames_passed(&interface).unwrap_or(0));
-        Ok(Self {
+    ) -> Self {
+        Self {
             interface,
             ids,
-            socket,
+            socket: None,
             figures,
-        })
+        }
     }
 }
 
@@ -79,10 +82,10 @@ fn errno(e: &io::Error) -> Option<Errno> {
     Errno::from_io_error(e)
 }
 
-fn open_filtered(interface: &str, ids: &[u16]) -> io::Result<CanSocket> {
+fn open_filtered(interface: &str, ids: Option<&[u16]>) -> io::Result<CanSocket> {
     let socket = open(interface)?;
-    let filters = filters(ids);
-    if filters.len() <= FILTERS_MAX {
+    let filters = ids.map(filters).unwrap_or_default();
+    if (1..=FILTERS_MAX).contains(&filters.len()) {
         socket.set_filters(&filters)?;
     }
     socket.set_error_filter_accept_all()?;
@@ -90,20 +93,17 @@ fn open_filtered(interface: &str, ids: &[u16]) -> io::Result<CanSocket> {
     Ok(socket)
 }
 
-/// What the kernel is to pass on: data frames with one of `ids` as 11-bit or 29-bit identifier; for none, all 11-bit ones.
+/// What the kernel is to pass on: data frames with one of `ids` as 11-bit identifier, and all 29-bit ones that can be one of
+/// them on a redundancy channel; for none, all 11-bit ones.
 fn filters(ids: &[u16]) -> Vec<CanFilter> {
     const KIND: u32 = FLAG_EXTENDED | FLAG_REMOTE;
     if ids.is_empty() {
         return vec![CanFilter::new(0, KIND)];
     }
-    let both = |id: &u16| {
-        let id = u32::from(*id);
-        [
-            CanFilter::new(id, MASK_STANDARD | KIND),
-            CanFilter::new(id | FLAG_EXTENDED, MASK_EXTENDED | KIND),
-        ]
-    };
-    ids.iter().flat_map(both).collect()
+    // Whole identifiers are looked up; a filter with a mask is tried on every frame, so there is one of them.
+    let redundant = CanFilter::new(FLAG_EXTENDED, MASK_NOT_CHANNEL | KIND);
+    let whole = |id: &u16| CanFilter::new(u32::from(*id), MASK_STANDARD | KIND);
+    ids.iter().map(whole).chain([redundant]).collect()
 }
 
 fn open(interface: &str) -> io::Result<CanSocket> {
@@ -136,7 +136,10 @@ impl Socket {
 
 impl Source for Socket {
     fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
-        let frame = match self.socket.read_frame() {
+        let Some(socket) = &self.socket else {
+            return Err(io::ErrorKind::NotConnected.into());
+        };
+        let frame = match socket.read_frame() {
             Ok(frame) => frame,
             Err(e) if is_pause(&e) => {
                 self.pause();
@@ -177,8 +180,10 @@ impl Source for Socket {
         }
     }
 
-    fn reopen(&mut self) -> io::Result<()> {
-        self.socket = open_filtered(&self.interface, self.ids)?;
+    fn open(&mut self) -> Result<(), BusError> {
+        let socket = open_filtered(&self.interface, self.ids)
+            .map_err(|source| refusal(&self.interface, source))?;
+        self.socket = Some(socket);
         let passed = frames_passed(&self.interface);
         self.figures.opened_after(passed.unwrap_or(0));
         Ok(())
@@ -262,6 +267,7 @@ pub fn exists(interface: &str) -> bool {
 #[derive(Debug)]
 pub struct Sender {
     socket: CanSocket,
+    is_virtual: bool,
 }
 
 impl Sender {
@@ -271,7 +277,10 @@ impl Sender {
     /// When it is missing or refused.
     pub fn open(interface: &str) -> Result<Self, BusError> {
         let socket = open(interface).map_err(|source| refusal(interface, source))?;
-        Ok(Self { socket })
+        let is_virtual = Path::new("/sys/devices/virtual/net")
+            .join(interface)
+            .exists();
+        Ok(Self { socket, is_virtual })
     }
 
     /// Sends one frame. Sockets of this process receive it too, as all sockets on the interface do.
@@ -290,6 +299,23 @@ impl Sender {
         let frame = id
             .and_then(|id| CanFrame::new(id, can.bytes()))
             .ok_or(Errno::INVAL)?;
+        self.socket.write_frame(&frame)
+    }
+
+    /// Says what a controller would that has left the bus, or has come back: to those who listen on a virtual interface. A
+    /// real controller would send it as a frame of data, so none is given it.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn say_bus_off(&self, is_off: bool) -> io::Result<()> {
+        /// Classes of an error frame (Linux `include/uapi/linux/can/error.h`).
+        const BUS_OFF: u32 = 0x040;
+        const RESTARTED: u32 = 0x100;
+        if !self.is_virtual {
+            return Ok(());
+        }
+        let class = if is_off { BUS_OFF } else { RESTARTED };
+        let frame = CanErrorFrame::new_error(class, &[0; 8]).map_err(|_| Errno::INVAL)?;
         self.socket.write_frame(&frame)
     }
 }

@@ -100,6 +100,16 @@ pub enum BusError {
 }
 
 impl BusError {
+    /// Whether it will be so for ever: the device is of another kind than the one asked for, or does not have the speed.
+    /// Everything else may be over in a moment.
+    #[must_use]
+    pub const fn is_lasting(&self) -> bool {
+        matches!(
+            self,
+            Self::NotCan { .. } | Self::NotSerial { .. } | Self::SpeedRefused { .. }
+        )
+    }
+
     /// The device.
     #[must_use]
     pub fn what(&self) -> String {

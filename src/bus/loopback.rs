@@ -1,6 +1,6 @@
 //! A CAN bus within this process, for machines without one: frames with their times of receipt, through a fixed ring.
 
-use super::{Source, WAIT};
+use super::{BusError, Source, WAIT};
 use crate::signal::{CanData, Wire};
 use crate::time::Monotonic;
 use std::io;
@@ -67,7 +67,7 @@ impl Source for Receiver {
         Ok(self.frames.pop().ok().map(|(at, can)| (at, Wire::Can(can))))
     }
 
-    fn reopen(&mut self) -> io::Result<()> {
+    fn open(&mut self) -> Result<(), BusError> {
         Ok(())
     }
 }

@@ -12,14 +12,15 @@ mod error;
 mod figures;
 pub mod input;
 pub mod loopback;
-mod serial;
+pub mod serial;
 mod udp;
 
 pub use error::BusError;
 pub use figures::{BAD_KINDS, Event, Figures, Link, SourceFigures, Tally};
+pub use udp::bound as udp_socket;
 
-use crate::limits::SIGNALS_QUEUED_MAX;
-use crate::signal::{Frame, Signal, SourceId, Wire};
+use crate::limits::{REPORTS_QUEUED_MAX, SIGNALS_QUEUED_MAX};
+use crate::signal::{Frame, Limit, Report, Signal, Sink, SourceId, Traffic, Wire};
 use crate::time::Monotonic;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
@@ -31,8 +32,8 @@ use std::time::Duration;
 /// The longest that a thread waits for a frame before it looks whether it should stop.
 const WAIT: Duration = Duration::from_millis(50);
 
-/// What a bus thread does with a frame: gives its signals to the second argument, returns the totals so far.
-pub type Decode = Box<dyn FnMut(Frame<'_>, &mut dyn FnMut(Signal)) -> Tally + Send>;
+/// What a bus thread does with a frame: gives what it says to the second argument, returns the totals so far.
+pub type Decode = Box<dyn FnMut(Frame<'_>, &mut dyn Sink) -> Tally + Send>;
 
 /// Where a source is heard.
 #[derive(Debug)]
@@ -48,8 +49,14 @@ pub enum Endpoint {
     Can {
         /// Its name, as in `can0`.
         interface: String,
-        /// The identifiers that the kernel passes on, both 11-bit and 29-bit; empty means all 11-bit ones.
+        /// The 11-bit identifiers that the kernel passes on, and with them all 29-bit ones that can be one of them on a
+        /// redundancy channel; empty means all 11-bit ones.
         ids: &'static [u16],
+    },
+    /// A CAN interface of the system, with every data frame that there is on it.
+    WholeCan {
+        /// Its name, as in `can0`.
+        interface: String,
     },
     /// A serial port: 8N1, read only.
     Serial {
@@ -78,6 +85,8 @@ pub struct SourceConfig {
 pub struct SourceHandle {
     /// Its signals in the order of their frames.
     pub signals: rtrb::Consumer<Signal>,
+    /// What else it says: other aircraft, limits.
+    pub reports: rtrb::Consumer<Report>,
     /// The thread.
     pub thread: SourceThread,
 }
@@ -142,42 +151,76 @@ impl Drop for SourceThread {
 /// # Errors
 /// When the source cannot be opened now; see [`BusError`]. What happens to it later is handled by the thread.
 pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusError> {
+    match spawn_patiently(config, decode)? {
+        (_, Some(refused)) => Err(refused),
+        (handle, None) => Ok(handle),
+    }
+}
+
+/// Starts the thread of a source, named `bus-NAME`, though the source may not be there: it is then [`Link::Closed`], and
+/// opened as soon as it can be. Returns also why it could not be opened at once.
+///
+/// # Errors
+/// When the source can never be opened ([`BusError::is_lasting`]), or the system has no room for a thread.
+pub fn spawn_patiently(
+    config: SourceConfig,
+    decode: Decode,
+) -> Result<(SourceHandle, Option<BusError>), BusError> {
     let SourceConfig { name, id, endpoint } = config;
     let figures = Arc::new(SourceFigures::default());
     let interface = match &endpoint {
-        Endpoint::Can { interface, .. } => Some(interface.clone()),
+        Endpoint::Can { interface, .. } | Endpoint::WholeCan { interface } => {
+            Some(interface.clone())
+        }
         _ => None,
     };
-    let source: Box<dyn Source> = match endpoint {
+    let mut source: Box<dyn Source> = match endpoint {
         Endpoint::Udp { bind, allow } => {
-            Box::new(udp::Socket::open(bind, allow, Arc::clone(&figures))?)
+            Box::new(udp::Socket::new(bind, allow, Arc::clone(&figures)))
         }
         Endpoint::Can { interface, ids } => {
-            Box::new(can::Socket::open(interface, ids, Arc::clone(&figures))?)
+            let figures = Arc::clone(&figures);
+            Box::new(can::Socket::new(interface, Some(ids), figures))
         }
-        Endpoint::Serial { path, baud } => Box::new(serial::Port::open(path, baud)?),
+        Endpoint::WholeCan { interface } => {
+            Box::new(can::Socket::new(interface, None, Arc::clone(&figures)))
+        }
+        Endpoint::Serial { path, baud } => Box::new(serial::Port::new(path, baud)),
         Endpoint::Loopback(receiver) => Box::new(receiver),
     };
+    let refused = source.open().err();
+    match refused {
+        Some(refused) if refused.is_lasting() => return Err(refused),
+        Some(_) => figures.set_link(Link::Closed),
+        None => {}
+    }
+    let is_open = refused.is_none();
     let stop = Arc::new(AtomicBool::new(false));
     let (producer, signals) = rtrb::RingBuffer::new(SIGNALS_QUEUED_MAX);
+    let (reporter, reports) = rtrb::RingBuffer::new(REPORTS_QUEUED_MAX);
     let feed = Feed {
         id,
         decode,
-        signals: producer,
+        rings: Rings {
+            signals: producer,
+            reports: reporter,
+            dropped: 0,
+        },
         figures: Arc::clone(&figures),
     };
     let thread = std::thread::Builder::new()
         .name(format!("bus-{name}"))
         .spawn({
             let stop = Arc::clone(&stop);
-            move || listen(source, feed, &stop)
+            move || listen(source, feed, is_open, &stop)
         })
         .map_err(|source| BusError::Refused {
             device: format!("the thread of {name}"),
             source,
         })?;
-    Ok(SourceHandle {
+    let handle = SourceHandle {
         signals,
+        reports,
         thread: SourceThread {
             name,
             id,
@@ -186,7 +229,8 @@ pub fn spawn(config: SourceConfig, decode: Decode) -> Result<SourceHandle, BusEr
             stop,
             thread: Some(thread),
         },
-    })
+    };
+    Ok((handle, refused))
 }
 
 /// Something that frames come from.
@@ -194,16 +238,41 @@ trait Source: Send {
     /// The next frame and when it was received; `None` when there was none for up to [`WAIT`].
     fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>>;
 
-    /// Opens the device again after an error.
-    fn reopen(&mut self) -> io::Result<()>;
+    /// Opens the device, for the first time or again after an error.
+    fn open(&mut self) -> Result<(), BusError>;
 }
 
 /// From frames to the ring.
 struct Feed {
     id: SourceId,
     decode: Decode,
-    signals: rtrb::Producer<Signal>,
+    rings: Rings,
     figures: Arc<SourceFigures>,
+}
+
+/// The way out of a bus thread; what does not fit is counted.
+struct Rings {
+    signals: rtrb::Producer<Signal>,
+    reports: rtrb::Producer<Report>,
+    dropped: u64,
+}
+
+impl Sink for Rings {
+    fn signal(&mut self, signal: Signal) {
+        self.dropped += u64::from(self.signals.push(signal).is_err());
+    }
+
+    fn traffic(&mut self, traffic: &Traffic) {
+        self.dropped += u64::from(self.reports.push(Report::Traffic(*traffic)).is_err());
+    }
+
+    fn limit(&mut self, limit: &Limit) {
+        self.dropped += u64::from(self.reports.push(Report::Limit(*limit)).is_err());
+    }
+
+    fn own_address(&mut self, address: u32) {
+        self.dropped += u64::from(self.reports.push(Report::OwnAddress(address)).is_err());
+    }
 }
 
 impl Feed {
@@ -213,11 +282,8 @@ impl Feed {
             source: self.id,
             wire,
         };
-        let signals = &mut self.signals;
-        let mut dropped = 0;
-        let tally = (self.decode)(frame, &mut |signal| {
-            dropped += u64::from(signals.push(signal).is_err());
-        });
+        let tally = (self.decode)(frame, &mut self.rings);
+        let dropped = std::mem::take(&mut self.rings.dropped);
         if dropped > 0 {
             self.figures.dropped(dropped);
         }
@@ -225,16 +291,19 @@ impl Feed {
     }
 }
 
-fn listen(mut source: Box<dyn Source>, mut feed: Feed, stop: &AtomicBool) {
+fn listen(mut source: Box<dyn Source>, mut feed: Feed, is_open: bool, stop: &AtomicBool) {
     let mut backoff = Backoff::new();
-    let mut open = true;
+    let (mut open, mut was_open) = (is_open, is_open);
     while !stop.load(Ordering::Acquire) {
         if !open {
             std::thread::park_timeout(backoff.next_wait());
-            open = source.reopen().is_ok();
-            if open {
+            open = source.open().is_ok();
+            if open && was_open {
                 feed.take(Monotonic::read(), Wire::Stream(&[]));
                 feed.figures.reopened();
+            } else if open {
+                feed.figures.set_link(Link::Open);
+                was_open = true;
             }
             continue;
         }

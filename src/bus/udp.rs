@@ -15,7 +15,7 @@ const WAITS_BEFORE_LOOK: u32 = 40;
 pub(super) struct Socket {
     bind: SocketAddr,
     allow: Vec<IpAddr>,
-    /// None between a failure and the next opening that succeeds.
+    /// None until it can be opened, and from a failure to the next opening that succeeds.
     socket: Option<UdpSocket>,
     figures: Arc<SourceFigures>,
     /// Waits since the last datagram or the last look.
@@ -25,20 +25,16 @@ pub(super) struct Socket {
 }
 
 impl Socket {
-    pub(super) fn open(
-        bind: SocketAddr,
-        allow: Vec<IpAddr>,
-        figures: Arc<SourceFigures>,
-    ) -> Result<Self, BusError> {
-        let socket = bind_socket(bind).map_err(|source| refusal(bind, source))?;
-        Ok(Self {
+    /// Not open yet.
+    pub(super) fn new(bind: SocketAddr, allow: Vec<IpAddr>, figures: Arc<SourceFigures>) -> Self {
+        Self {
             bind,
             allow,
-            socket: Some(socket),
+            socket: None,
             figures,
             waits: 0,
             buffer: [0; DATAGRAM_BYTES_MAX + 1],
-        })
+        }
     }
 
     /// Nothing came. The system says nothing to a socket whose address goes away with its interface, so it is asked.
@@ -67,6 +63,14 @@ fn refusal(bind: SocketAddr, source: io::Error) -> BusError {
         },
         _ => BusError::Refused { device, source },
     }
+}
+
+/// A socket of its own at an address, which waits at most 50 ms for a datagram.
+///
+/// # Errors
+/// When the address is not of this machine, or is taken.
+pub fn bound(bind: SocketAddr) -> Result<UdpSocket, BusError> {
+    bind_socket(bind).map_err(|source| refusal(bind, source))
 }
 
 fn bind_socket(bind: SocketAddr) -> io::Result<UdpSocket> {
@@ -99,10 +103,11 @@ impl Source for Socket {
         }
     }
 
-    fn reopen(&mut self) -> io::Result<()> {
+    fn open(&mut self) -> Result<(), BusError> {
         // The old one is let go first: it would hold the port against ourselves.
         self.socket = None;
-        self.socket = Some(bind_socket(self.bind)?);
+        let socket = bind_socket(self.bind).map_err(|source| refusal(self.bind, source))?;
+        self.socket = Some(socket);
         Ok(())
     }
 }

@@ -423,7 +423,7 @@ impl TerrainRenderer {
         shader.program.bind();
         buffers.tables[buffers.table].bind(TABLE);
         self.set_frame(shader, scene, look);
-        self.begin(pass);
+        self.begin(pass, plan.is_above_ground);
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
             if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
@@ -446,16 +446,23 @@ impl TerrainRenderer {
             gl.color_mask(true, true, true, true);
             gl.disable(glow::BLEND);
             gl.disable(glow::DEPTH_TEST);
+            gl.disable(glow::CULL_FACE);
         }
     }
 
-    fn begin(&self, pass: Pass) {
+    fn begin(&self, pass: Pass, above_ground: bool) {
         let gl = self.gpu.gl();
         // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
         unsafe {
             gl.enable(glow::DEPTH_TEST);
             gl.disable(glow::BLEND);
             gl.disable(glow::CULL_FACE);
+            // Triangles are counter-clockwise seen from above.
+            if above_ground {
+                gl.enable(glow::CULL_FACE);
+                gl.cull_face(glow::BACK);
+                gl.front_face(glow::CCW);
+            }
             gl.depth_func(glow::LESS);
             gl.depth_mask(true);
             match pass {

@@ -5,34 +5,46 @@
 //! data type NODATA (no value) or ERROR (failed); both become [`Invalid::SourceFailed`].
 //!
 //! What is taken:
-//! - 11-bit identifiers, and 29-bit identifiers whose upper 18 bits are zero: the same numbers. All others are ignored.
-//! - Service code 0. Other service codes say that the frame is not the plain value; such frames are ignored.
-//! - FLOAT for every identifier. Latitude and longitude also as DOUBLEH and DOUBLEL (the two halves of a 64-bit number in
-//!   two frames), which the standard lists for them, and as LONG in units of 1e-7 degree, which it does not list but which
-//!   the CANaerospace devices of the gliding world send (XCSoar's driver `CANaerospace` reads nothing else). A FLOAT
-//!   latitude has a resolution of 0.4 m; the others are better than 0.02 m.
-//! - SHORT2 is suggested by the standard beside FLOAT, but its scale is left to the system's designer. It is not guessed:
-//!   such a frame is counted under [`Fault::Type`] and gives no value.
+//! - 11-bit identifiers, and 29-bit identifiers of which bits 16 to 23 are a redundancy channel (section 7) and all others
+//!   above the lowest eleven are zero. 11-bit identifiers are of channel 0.
+//! - Service code 0. Other service codes say that the frame is not the plain value, except where the standard puts the
+//!   number of a waypoint there; such frames are ignored.
+//! - FLOAT for every identifier, and the whole numbers that say their own size (CHAR, UCHAR, SHORT, USHORT, LONG, ULONG) in the
+//!   identifier's unit. Latitude and longitude of the aircraft come as FLOAT, as DOUBLEH and DOUBLEL (the two halves of a
+//!   64-bit number in two frames), which the standard lists for them, and as LONG in units of 1e-7 degree, which it does not
+//!   list but which the CANaerospace devices of the gliding world send (XCSoar's driver `CANaerospace` reads nothing else). A
+//!   FLOAT latitude has a resolution of 0.4 m; the others are better than 0.02 m. UTC comes as CHAR4 or UCHAR4.
+//! - SHORT2 and USHORT2 are suggested by the standard beside FLOAT, but their scale is left to the system's designer. It is
+//!   not guessed: such a frame is counted under [`Fault::Type`] and gives no value. So are bits and letters.
+//!
+//! A frame of the type NODATA has four bytes. Senders that leave the header empty (node, type, service and message code all
+//! zero, as in logs written by hand) send eight: what their value is, and whether it is one, they do not say. Such a frame is
+//! counted under [`Fault::Long`] and gives no value.
 //!
 //! Identifier 321, "heading angle", does not say which north. It is taken as the third Euler angle beside pitch and roll,
 //! from true north, but only while there is no 1133, "true heading", which does say; magnetic heading has its own, 1069.
-//! In the same way 329 stands in for 328, 335 for 324 and 564 for 500.
+//! Wind direction, 334, is taken as true like it. In the same way 329 stands in for 328, 335 for 324, 1042 for 1007, and ECS
+//! channel B of an engine for channel A. Not read: 330, of which two copies of the standard say different things (density
+//! altitude, decision altitude); pump flow, which is no consumption; angles whose sign or north is not said.
 //!
-//! Redundant nodes (section 7) send the same identifier with different node numbers. The first heard is listened to; the
-//! others are ignored until it fails or falls silent for the parameter's greatest age.
+//! Redundant nodes (section 7) send the same identifier with different node numbers or redundancy channels. The first heard is
+//! listened to; the others are ignored until it fails, freezes or falls silent for the parameter's greatest age.
 //!
 //! The message code counts a sender's messages per identifier, modulo 256. Gaps, repetitions and frozen frames are noted in
-//! [`Flow`](super::Flow). They are notes only: many senders never count. But a sender that has counted and whose code then
-//! stands still for longer than the parameter's greatest age is stuck: its values become [`Invalid::Frozen`], and a
-//! redundant node may take over.
+//! [`Flow`](super::Flow). They are notes only: many senders never count. But a frame numbered before the last one is late and
+//! is ignored; and a sender that has counted and whose code then stands still for longer than the parameter's greatest age is
+//! stuck: its values become [`Invalid::Frozen`], and a redundant node may take over.
+
+mod table;
+
+pub use table::IDS;
 
 use super::{Counters, Decoder, Fault};
-use crate::angle::{wrap_signed, wrap_turn};
 use crate::sampled::Invalid;
 use crate::signal::{CanData, Frame, Parameter, Signal, Sink, SourceId, Wire};
 use crate::time::Monotonic;
-use crate::units::{Degrees, Radians};
 use std::time::Duration;
+use table::{ROWS, Row, Scale};
 
 /// Data types of the standard's table 2.2 that are used here.
 mod data_type {
@@ -40,6 +52,13 @@ mod data_type {
     pub(super) const ERROR: u8 = 1;
     pub(super) const FLOAT: u8 = 2;
     pub(super) const LONG: u8 = 3;
+    pub(super) const ULONG: u8 = 4;
+    pub(super) const SHORT: u8 = 6;
+    pub(super) const USHORT: u8 = 7;
+    pub(super) const CHAR: u8 = 9;
+    pub(super) const UCHAR: u8 = 10;
+    pub(super) const CHAR4: u8 = 15;
+    pub(super) const UCHAR4: u8 = 16;
     pub(super) const DOUBLEH: u8 = 30;
     pub(super) const DOUBLEL: u8 = 31;
 }
@@ -54,126 +73,14 @@ const PAIR_AGE_MAX: Duration = Duration::from_millis(10);
 /// Degrees per unit of a LONG latitude or longitude.
 const LONG_DEGREES: f64 = 1e-7;
 
+/// Bits of a 29-bit identifier that are no redundancy channel and have to be zero.
+const NEITHER_ID_NOR_CHANNEL: u32 = 0x1F00_F800;
+
+/// A frame is late when its message code is at most so many before the last one; farther back is a restart.
+const LATE_MAX: u8 = 8;
+
 /// A larger step of the message code than this is taken as a restart of the sender, not as lost frames.
 const LOST_MAX: u8 = 128;
-
-/// How the number on the wire becomes the parameter's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Scale {
-    /// It is the parameter's unit.
-    One,
-    /// An angle or a rate in degrees.
-    Degrees,
-    /// A direction in degrees, -180 to 180 or 0 to 360; the parameter goes from 0 to a turn.
-    Direction,
-    /// A latitude or longitude in degrees.
-    Position,
-}
-
-/// One identifier.
-#[derive(Clone, Copy, Debug)]
-struct Row {
-    id: u16,
-    parameter: Parameter,
-    scale: Scale,
-    /// Whether it only stands in for another identifier of the same parameter.
-    stands_in: bool,
-}
-
-const fn primary(id: u16, parameter: Parameter, scale: Scale) -> Row {
-    Row {
-        id,
-        parameter,
-        scale,
-        stands_in: false,
-    }
-}
-
-const fn stand_in(id: u16, parameter: Parameter, scale: Scale) -> Row {
-    Row {
-        id,
-        parameter,
-        scale,
-        stands_in: true,
-    }
-}
-
-/// The identifiers, ascending: the standard's name, the wire unit, the sign.
-const ROWS: [Row; 31] = [
-    // 300: body longitudinal acceleration, g, forward positive.
-    primary(300, Parameter::LongitudinalAcceleration, Scale::One),
-    // 301: body lateral acceleration, g, right positive.
-    primary(301, Parameter::LateralAcceleration, Scale::One),
-    // 302: body normal acceleration, g, up positive.
-    primary(302, Parameter::NormalAcceleration, Scale::One),
-    // 303: body pitch rate, deg/s, nose up positive.
-    primary(303, Parameter::PitchRate, Scale::Degrees),
-    // 304: body roll rate, deg/s, right positive.
-    primary(304, Parameter::RollRate, Scale::Degrees),
-    // 305: body yaw rate, deg/s, right positive.
-    primary(305, Parameter::YawRate, Scale::Degrees),
-    // 311: body pitch angle, deg, nose up positive.
-    primary(311, Parameter::Pitch, Scale::Degrees),
-    // 312: body roll angle, deg, right positive.
-    primary(312, Parameter::Roll, Scale::Degrees),
-    // 313: body sideslip, deg.
-    primary(313, Parameter::Sideslip, Scale::Degrees),
-    // 314: altitude rate, m/s.
-    primary(314, Parameter::VerticalSpeed, Scale::One),
-    // 315: indicated airspeed, m/s.
-    primary(315, Parameter::IndicatedAirspeed, Scale::One),
-    // 316: true airspeed, m/s.
-    primary(316, Parameter::TrueAirspeed, Scale::One),
-    // 317: calibrated airspeed, m/s.
-    primary(317, Parameter::CalibratedAirspeed, Scale::One),
-    // 319: baro correction, hPa.
-    primary(319, Parameter::BaroSetting, Scale::One),
-    // 320: baro corrected altitude, m.
-    primary(320, Parameter::BaroAltitude, Scale::One),
-    // 321: heading angle, deg, -180 to 180.
-    stand_in(321, Parameter::HeadingTrue, Scale::Direction),
-    // 322: standard altitude, m.
-    primary(322, Parameter::PressureAltitude, Scale::One),
-    // 324: static air temperature, K.
-    primary(324, Parameter::StaticAirTemperature, Scale::One),
-    // 328: port side angle of attack, deg, nose up positive.
-    primary(328, Parameter::AngleOfAttack, Scale::Degrees),
-    // 329: starboard side angle of attack, deg, nose up positive.
-    stand_in(329, Parameter::AngleOfAttack, Scale::Degrees),
-    // 332: true altitude, m.
-    primary(332, Parameter::AltitudeMsl, Scale::One),
-    // 335: outside air temperature, K.
-    stand_in(335, Parameter::StaticAirTemperature, Scale::One),
-    // 500: engine 1 N1, ECS channel A, 1/min.
-    primary(500, Parameter::EngineSpeed, Scale::One),
-    // 564: engine 1 N1, ECS channel B, 1/min.
-    stand_in(564, Parameter::EngineSpeed, Scale::One),
-    // 1036: GPS aircraft latitude, deg, north positive.
-    primary(1036, Parameter::Latitude, Scale::Position),
-    // 1037: GPS aircraft longitude, deg, east positive.
-    primary(1037, Parameter::Longitude, Scale::Position),
-    // 1038: GPS aircraft height above ellipsoid, m.
-    primary(1038, Parameter::HeightEllipsoid, Scale::One),
-    // 1039: GPS ground speed, m/s.
-    primary(1039, Parameter::GroundSpeed, Scale::One),
-    // 1040: GPS true track, deg.
-    primary(1040, Parameter::Track, Scale::Direction),
-    // 1069: magnetic heading, deg.
-    primary(1069, Parameter::HeadingMagnetic, Scale::Direction),
-    // 1133: true heading, deg.
-    primary(1133, Parameter::HeadingTrue, Scale::Direction),
-];
-
-/// The identifiers that the decoder listens to, ascending.
-pub static IDS: [u16; ROWS.len()] = {
-    let mut ids = [0; ROWS.len()];
-    let mut i = 0;
-    while i < ids.len() {
-        ids[i] = ROWS[i].id;
-        i += 1;
-    }
-    ids
-};
 
 /// What is remembered of one identifier: the node that is listened to, and its last frame.
 #[derive(Clone, Copy, Debug, Default)]
@@ -183,10 +90,17 @@ struct Heard {
     high: Option<High>,
 }
 
+/// Who sends: a redundancy channel and a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Sender {
+    channel: u8,
+    node: u8,
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Last {
     at: Monotonic,
-    node: u8,
+    sender: Sender,
     code: u8,
     content: [u8; 4],
     /// Whether the code has ever moved: some senders do not count.
@@ -249,6 +163,8 @@ impl CanAerospace {
                     failed: 0,
                     refused: 0,
                     unchecked: 0,
+                    alarms: 0,
+                    late: 0,
                 },
             },
             heard: [NOT_HEARD; ROWS.len()],
@@ -261,12 +177,22 @@ impl CanAerospace {
         if bytes.len() < HEADER_BYTES {
             return Taken::Bad(Fault::Short);
         }
-        let (node, service, code) = (bytes[0], bytes[2], bytes[3]);
+        let [node, _, service, code, ..] = can.data;
+        let channel = can.id.to_be_bytes()[1];
+        let sender = Sender { channel, node };
         let age_max = ROWS[row].parameter.spec().age_max;
-        let other_is_alive = self.heard[row].last.is_some_and(|last| {
-            last.node != node && last.usable && at.since(last.at).is_none_or(|age| age <= age_max)
-        });
-        if service != 0 || other_is_alive {
+        let recent = self.heard[row]
+            .last
+            .filter(|last| at.since(last.at).is_none_or(|age| age <= age_max));
+        let other_is_alive = recent.is_some_and(|last| last.sender != sender && last.usable);
+        let is_service = service != 0 && !ROWS[row].is_of_waypoint;
+        if is_service || other_is_alive {
+            return Taken::Ignored;
+        }
+        if recent.is_some_and(|last| {
+            last.sender == sender && (1..=LATE_MAX).contains(&last.code.wrapping_sub(code))
+        }) {
+            self.counters.flow.late += 1;
             return Taken::Ignored;
         }
         let content = match self.heard[row].content(at, can, ROWS[row].scale) {
@@ -274,7 +200,7 @@ impl CanAerospace {
             Err(fault) => return Taken::Bad(fault),
         };
         let failed = matches!(content, Content::Failed);
-        self.note_flow(row, at, [node, code], can, failed);
+        self.note_flow(row, at, sender, can, failed);
         // A number that stands still brings nothing new: what comes under it is as old as its first frame.
         let mut frozen = false;
         if let Some(last) = &mut self.heard[row].last {
@@ -339,17 +265,17 @@ impl CanAerospace {
         &mut self,
         row: usize,
         at: Monotonic,
-        [node, code]: [u8; 2],
+        sender: Sender,
         can: &CanData,
         failed: bool,
     ) {
-        let [_, _, _, _, content @ ..] = can.data;
+        let [_, _, _, code, content @ ..] = can.data;
         let flow = &mut self.counters.flow;
         if failed {
             flow.failed += 1;
         }
         let (mut counts, mut code_since) = (false, at);
-        if let Some(last) = self.heard[row].last.filter(|last| last.node == node) {
+        if let Some(last) = self.heard[row].last.filter(|last| last.sender == sender) {
             counts = last.counts || code != last.code;
             if code == last.code {
                 code_since = last.code_since;
@@ -367,7 +293,7 @@ impl CanAerospace {
         }
         self.heard[row].last = Some(Last {
             at,
-            node,
+            sender,
             code,
             content,
             counts,
@@ -390,7 +316,12 @@ impl Decoder for CanAerospace {
             self.counters.ignored += 1;
             return;
         };
-        let row = u16::try_from(can.id)
+        let id = match can.extended {
+            true if can.id & NEITHER_ID_NOR_CHANNEL != 0 => u32::MAX,
+            true => can.id & 0x7FF,
+            false => can.id,
+        };
+        let row = u16::try_from(id)
             .ok()
             .and_then(|id| IDS.binary_search(&id).ok());
         let Some(row) = row else {
@@ -433,22 +364,37 @@ impl Heard {
                 Err(Fault::Long)
             };
         }
-        let known = match data_type {
-            data_type::ERROR | data_type::FLOAT => true,
-            data_type::LONG | data_type::DOUBLEH | data_type::DOUBLEL => positional,
-            _ => false,
+        let expected = match data_type {
+            data_type::ERROR => 4,
+            data_type::CHAR4 | data_type::UCHAR4 if scale == Scale::Clock => 4,
+            _ if scale == Scale::Clock => return Err(Fault::Type),
+            data_type::FLOAT => 4,
+            data_type::LONG | data_type::DOUBLEH | data_type::DOUBLEL if positional => 4,
+            _ if positional => return Err(Fault::Type),
+            data_type::LONG | data_type::ULONG => 4,
+            data_type::SHORT | data_type::USHORT => 2,
+            data_type::CHAR | data_type::UCHAR => 1,
+            _ => return Err(Fault::Type),
         };
-        if !known {
-            return Err(Fault::Type);
-        }
-        if value_bytes < 4 {
+        if value_bytes < expected {
             return Err(Fault::Short);
         }
+        if value_bytes > expected {
+            return Err(Fault::Long);
+        }
+        let [a, b, c, _] = value;
         match data_type {
             data_type::FLOAT => Ok(Content::Number(f64::from(f32::from_bits(bits)))),
-            data_type::LONG => Ok(Content::Number(
+            data_type::LONG if positional => Ok(Content::Number(
                 f64::from(i32::from_be_bytes(value)) * LONG_DEGREES,
             )),
+            data_type::LONG => Ok(Content::Number(f64::from(i32::from_be_bytes(value)))),
+            data_type::ULONG => Ok(Content::Number(f64::from(bits))),
+            data_type::SHORT => Ok(Content::Number(f64::from(i16::from_be_bytes([a, b])))),
+            data_type::USHORT => Ok(Content::Number(f64::from(u16::from_be_bytes([a, b])))),
+            data_type::CHAR => Ok(Content::Number(f64::from(i8::from_be_bytes([a])))),
+            data_type::UCHAR => Ok(Content::Number(f64::from(a))),
+            data_type::CHAR4 | data_type::UCHAR4 => Ok(Content::Number(time_of_day([a, b, c]))),
             data_type::DOUBLEH => {
                 self.high = Some(High { at, code, bits });
                 Ok(Content::Half)
@@ -469,32 +415,19 @@ impl Heard {
     }
 }
 
-impl Scale {
-    fn to_si(self, wire: f64) -> f64 {
-        let radians = Radians::from(Degrees(wire));
-        match self {
-            Self::One => wire,
-            Self::Degrees | Self::Position => radians.0,
-            Self::Direction if wire.abs() <= 360.0 => wrap_turn(radians).0,
-            // A direction beyond a turn is an error of the sender; as radians it is out of range all the more.
-            Self::Direction => wire,
-        }
+/// Seconds since midnight; not a number for a time that is none.
+fn time_of_day([hour, minute, second]: [u8; 3]) -> f64 {
+    if hour > 23 || minute > 59 || second > 60 {
+        return f64::NAN;
     }
-
-    fn to_wire(self, si: f64) -> f64 {
-        match self {
-            Self::One => si,
-            Self::Degrees | Self::Position => Radians(si).to_degrees(),
-            Self::Direction => wrap_signed(Radians(si)).to_degrees(),
-        }
-    }
+    f64::from(hour) * 3600.0 + f64::from(minute) * 60.0 + f64::from(second)
 }
 
 /// The frame by which `node` sends `value` (in the parameter's SI unit) as a FLOAT, as its message number `code`; `None`
-/// when the protocol has no identifier for the parameter or the value is not one that it can have.
+/// when the protocol has no identifier for the parameter, or none of that type, or the value is not one that it can have.
 #[must_use]
 pub fn encode(parameter: Parameter, value: f64, node: u8, code: u8) -> Option<CanData> {
-    let row = primary_row(parameter)?;
+    let row = primary_row(parameter).filter(|row| row.scale != Scale::Clock)?;
     let wire = row.scale.to_wire(parameter.check(value).ok()?);
     #[expect(
         clippy::cast_possible_truncation,
@@ -545,45 +478,5 @@ fn frame(id: u16, data_type: u8, node: u8, code: u8, bits: u32) -> CanData {
         extended: false,
         len: 8,
         data: [node, data_type, 0, code, a, b, c, d],
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn identifiers_ascend_and_parameters_have_one_primary() {
-        assert!(
-            IDS.windows(2).all(|w| w[0] < w[1]),
-            "binary search needs order"
-        );
-        for row in &ROWS {
-            let primaries = ROWS
-                .iter()
-                .filter(|r| r.parameter == row.parameter && !r.stands_in);
-            assert_eq!(primaries.count(), 1, "{:?}", row.parameter);
-        }
-    }
-
-    #[test]
-    fn directions_beyond_a_turn_are_refused() {
-        for (wire, ok) in [
-            (180.0, true),
-            (-180.0, true),
-            (360.0, true),
-            (-90.0, true),
-            (361.0, false),
-            (-1e9, false),
-        ] {
-            let verdict = Parameter::HeadingTrue.check(Scale::Direction.to_si(wire));
-            assert_eq!(verdict.is_ok(), ok, "{wire}");
-        }
-        assert!(
-            Parameter::Track
-                .check(Scale::Direction.to_si(f64::NAN))
-                .is_err(),
-            "NaN"
-        );
     }
 }

@@ -8,7 +8,8 @@
 //!
 //! Signs: pitch up, roll right, turn right, climb are positive; lateral acceleration is positive to the left, and is turned
 //! round here. Headings and wind are magnetic. The 1/16 s counter of the time does not run with its seconds and is not
-//! used. Thermocouples and general-purpose inputs mean what the aircraft's builder has wired to them and are not read.
+//! used. Thermocouples and general-purpose inputs mean what the aircraft's builder has wired to them and are not read; nor is
+//! the current, whose scale the pages at hand do not give, nor the second fuel flow, which may be a return line.
 
 use super::emit::{Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same};
 use super::framing::{LINE_BYTES_MAX, Look, Piece, text_line};
@@ -31,7 +32,7 @@ pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
     StreamDecoder::new(look, take)
 }
 
-fn look(bytes: &[u8], seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     let length = match bytes {
         [b'!', b'1', ..] => Some(ADAHRS_BYTES),
         [b'!', b'2', ..] => Some(SYSTEM_BYTES),
@@ -39,6 +40,14 @@ fn look(bytes: &[u8], seen: usize) -> Look {
         _ => None,
     };
     text_line(bytes, seen, b'!', length)
+}
+
+/// Whether a line with a right sum is of a kind and length that this decoder knows.
+pub(super) fn is_known(line: &[u8]) -> bool {
+    matches!(
+        (line.get(1), line.len()),
+        (Some(b'1'), ADAHRS_BYTES) | (Some(b'2'), SYSTEM_BYTES) | (Some(b'3'), EMS_BYTES)
+    )
 }
 
 fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut dyn Sink) {
@@ -133,8 +142,10 @@ fn ems(line: &[u8], out: &mut Emit<'_>) {
     f.put(Parameter::FuelPressure, (35, 3), 0.1, psi);
     f.put(FUEL_QUANTITY[0], (38, 3), 0.1, gallons);
     f.put(FUEL_QUANTITY[1], (41, 3), 0.1, gallons);
+    f.put(Parameter::FuelRemaining, (44, 3), 0.1, gallons);
     f.put(BUS_VOLTAGE[0], (47, 3), 0.1, same);
     f.put(BUS_VOLTAGE[1], (50, 3), 0.1, same);
     f.put(Parameter::EngineTime, (57, 5), 0.1, same);
+    f.put(Parameter::TachometerTime, (62, 5), 0.1, same);
     f.put(Parameter::EnginePower, (217, 3), 1.0, same);
 }

@@ -2,9 +2,14 @@
 //! `<output type="FLIGHTGEAR">`.
 //!
 //! Source: FlightGear `src/Network/net_fdm.hxx`, structure `FGNetFDM`, versions 24 (408 bytes) and 25 (552 bytes). All
-//! numbers are big-endian IEEE 754 or unsigned integers. Version 25 adds tank data at offset 304 and later; everything
+//! numbers are big-endian IEEE 754 or unsigned integers. Version 25 adds tank data at offset 304 and later; all else that is
 //! read here lies before it, at the same offsets in both. The padding word at offset 4 and the tank selectors are left in
 //! the sender's byte order by FlightGear and are not read.
+//!
+//! Senders fill what they do not model with zeros: a height above ground, temperature, oil pressure or fuel flow of exactly
+//! zero is not said. Of the fields in which senders differ none is read: fuel quantity (FlightGear sends gallons, JSBSim pounds;
+//! version 25 has cubic metres besides, which are read), exhaust temperature (degrees Fahrenheit or Celsius), manifold
+//! pressure (ounces per square inch by its name, inches of mercury by JSBSim), fuel pressure (always zero in JSBSim).
 //!
 //! A packet of a wrong length or version is counted and dropped whole. In a packet of the right shape each impossible
 //! field is reported as [`Invalid::OutOfRange`], the others are used, and the packet is counted as bad.
@@ -15,8 +20,9 @@
 use super::{Counters, Decoder, Fault};
 use crate::angle::{wrap_signed, wrap_turn};
 use crate::sampled::Invalid;
-use crate::signal::{Frame, Parameter, Signal, Sink, Wire};
+use crate::signal::{FUEL_QUANTITY, Frame, Parameter, Signal, Sink, Wire, engines};
 use crate::units::{Feet, Knots, Metres, MetresPerSecond, Radians, STANDARD_GRAVITY_MPS2};
+use crate::units::{HECTOPASCALS_PER_PSI, LITRES_PER_US_GALLON};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Length of a version 24 packet in bytes.
@@ -38,6 +44,7 @@ const VERSION: usize = 0; // u32
 const LONGITUDE: usize = 8; // f64, rad, east positive
 const LATITUDE: usize = 16; // f64, rad, geodetic, north positive
 const ALTITUDE: usize = 24; // f64, m, above sea level
+const AGL: usize = 32; // f32, m, above the ground
 const PHI: usize = 36; // f32, rad, right wing down positive
 const THETA: usize = 40; // f32, rad, nose up positive
 const PSI: usize = 44; // f32, rad, clockwise from true north
@@ -55,6 +62,12 @@ const A_Y_PILOT: usize = 104; // f32, ft/s2, right positive
 const A_Z_PILOT: usize = 108; // f32, ft/s2, down positive: -32.2 in level flight
 const NUM_ENGINES: usize = 120; // u32
 const RPM: usize = 140; // f32[4], 1/min
+const FUEL_FLOW: usize = 156; // f32[4], US gal/h
+const CHT: usize = 204; // f32[4], degrees Fahrenheit
+const OIL_TEMPERATURE: usize = 252; // f32[4], degrees Fahrenheit
+const OIL_PRESSURE: usize = 268; // f32[4], psi
+const TANK_CAPACITY: usize = 320; // f64[4], m3, version 25 only
+const TANK_LEVEL: usize = 416; // f64[4], m3, version 25 only
 
 /// The decoder. It keeps nothing between packets but its counters.
 #[derive(Debug, Default)]
@@ -90,6 +103,7 @@ impl Decoder for FgFdm {
         air_data(bytes, &mut out);
         motion(bytes, &mut out);
         engine(bytes, &mut out);
+        tanks(bytes, &mut out);
         let worst = out.worst;
         self.counters.count(worst);
     }
@@ -151,6 +165,7 @@ fn position(bytes: &[u8], out: &mut Emitter<'_, '_>) {
     out.emit(Parameter::Latitude, f64_at(bytes, LATITUDE));
     out.emit(Parameter::Longitude, f64_at(bytes, LONGITUDE));
     out.emit(Parameter::AltitudeMsl, f64_at(bytes, ALTITUDE));
+    out.emit_modelled(Parameter::HeightAgl, f32_at(bytes, AGL), |metres| metres);
 }
 
 fn air_data(bytes: &[u8], out: &mut Emitter<'_, '_>) {
@@ -189,10 +204,33 @@ fn motion(bytes: &[u8], out: &mut Emitter<'_, '_>) {
 }
 
 fn engine(bytes: &[u8], out: &mut Emitter<'_, '_>) {
-    match u32_at(bytes, NUM_ENGINES) {
-        0 => {}
-        1..=ENGINES_MAX => out.emit(Parameter::EngineSpeed, f32_at(bytes, RPM)),
-        _ => out.emit(Parameter::EngineSpeed, f64::NAN),
+    let engines_fitted = match u32_at(bytes, NUM_ENGINES) {
+        n @ 0..=ENGINES_MAX => n,
+        _ => return out.emit(Parameter::EngineSpeed, f64::NAN),
+    };
+    for n in (0..engines::SPEED.len()).take_while(|n| (*n as u64) < u64::from(engines_fitted)) {
+        let field = |at: usize| f32_at(bytes, at + 4 * n);
+        out.emit(engines::SPEED[n], field(RPM));
+        let fahrenheit = |x: f64| (x - 32.0) / 1.8 + 273.15;
+        let cht = engines::CYLINDER_HEAD_TEMPERATURE[n][0];
+        out.emit_modelled(cht, field(CHT), fahrenheit);
+        let oil = engines::OIL_TEMPERATURE[n];
+        out.emit_modelled(oil, field(OIL_TEMPERATURE), fahrenheit);
+        let hectopascals = |psi: f64| psi * HECTOPASCALS_PER_PSI;
+        out.emit_modelled(engines::OIL_PRESSURE[n], field(OIL_PRESSURE), hectopascals);
+        let litres = |gallons: f64| gallons * LITRES_PER_US_GALLON;
+        out.emit_modelled(engines::FUEL_FLOW[n], field(FUEL_FLOW), litres);
+    }
+}
+
+fn tanks(bytes: &[u8], out: &mut Emitter<'_, '_>) {
+    if bytes.len() != V25_BYTES {
+        return;
+    }
+    for (n, parameter) in FUEL_QUANTITY.into_iter().enumerate() {
+        if f64_at(bytes, TANK_CAPACITY + 8 * n) > 0.0 {
+            out.emit(parameter, f64_at(bytes, TANK_LEVEL + 8 * n) * 1000.0);
+        }
     }
 }
 
@@ -204,6 +242,13 @@ struct Emitter<'a, 'b> {
 }
 
 impl Emitter<'_, '_> {
+    /// A number that is exactly zero where the sender does not model it.
+    fn emit_modelled(&mut self, parameter: Parameter, wire: f64, to_si: impl Fn(f64) -> f64) {
+        if wire.abs() > 0.0 || wire.is_nan() {
+            self.emit(parameter, to_si(wire));
+        }
+    }
+
     fn emit(&mut self, parameter: Parameter, value: f64) {
         let verdict = parameter.check(value);
         if verdict == Err(Invalid::OutOfRange) {

@@ -8,15 +8,21 @@
 //! Signs: pitch up, roll right, turn right, climb are positive; lateral acceleration is positive to the left, and is turned
 //! round here. The heading is magnetic.
 //!
-//! Of the engine data only the fields are read whose place and scale the manual's pages at hand give; other lines with a
-//! right checksum are good, but nothing is read from them. Lines that begin with `@`, Garmin's simple text output, have no checksum: a position that nothing
-//! protects is not taken from a serial line, and they are ignored.
+//! The engine data's first part is laid out as Dynon's, field by field, up to the cylinders; what lies between them and the
+//! fields whose letters say their unit is not read, nor is the first current, whose scale the pages at hand do not give. Other
+//! lines with a right checksum are good, but nothing is read from them.
+//!
+//! Lines that begin with `@`, Garmin's simple text output (as of the GPS 35 and its kind), have no checksum. They are counted as
+//! ignored and as `unchecked`; what they say of position, height and motion over the ground is doubtful, for nothing protects it.
 
-use super::emit::{Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same};
-use super::framing::{LINE_BYTES_MAX, Look, Piece, is_line_end, text_line};
+use super::emit::{
+    Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same, whole,
+};
+use super::framing::{LINE_BYTES_MAX, Look, Piece, at_most, is_line_end, text_line};
 use super::stream::StreamDecoder;
 use super::{Counters, Fault};
-use crate::signal::{BUS_CURRENT, FUEL_QUANTITY, Parameter, Sink, SourceId, engines};
+use crate::sampled::Invalid;
+use crate::signal::{BUS_CURRENT, BUS_VOLTAGE, FUEL_QUANTITY, Parameter, Sink, SourceId, engines};
 use crate::units::{HECTOPASCALS_PER_PSI, LITRES_PER_US_GALLON};
 
 /// Lengths of the lines without their ends.
@@ -24,6 +30,8 @@ const ATTITUDE_BYTES: usize = 57;
 const ENGINE_BYTES: usize = 219;
 const AIR_BYTES: usize = 40;
 const GROUND_BYTES: usize = 20;
+/// A line of the simple text output.
+const SIMPLE_BYTES: usize = 55;
 
 /// The sender's sign of "no value".
 const ABSENT: u8 = b'_';
@@ -34,7 +42,7 @@ pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
     StreamDecoder::new(look, take)
 }
 
-fn look(bytes: &[u8], seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     if bytes[0] != b'@' {
         let length = match bytes.get(..3) {
             Some(b"=11") => Some(ATTITUDE_BYTES),
@@ -45,11 +53,24 @@ fn look(bytes: &[u8], seen: usize) -> Look {
         };
         return text_line(bytes, seen, b'=', length);
     }
+    let bytes = at_most(bytes, LINE_BYTES_MAX);
     match bytes.iter().position(|b| is_line_end(*b) || *b == b'=') {
+        Some(SIMPLE_BYTES) if bytes[SIMPLE_BYTES] != b'=' => Look::Frame(SIMPLE_BYTES),
         Some(end) => Look::Foreign(end),
         None if bytes.len() < LINE_BYTES_MAX => Look::More,
         None => Look::Foreign(bytes.len()),
     }
+}
+
+/// Whether a line with a right sum is of a kind and length that this decoder knows.
+pub(super) fn is_known(line: &[u8]) -> bool {
+    matches!(
+        (line.get(..3), line.len()),
+        (Some(b"=11"), ATTITUDE_BYTES)
+            | (Some(b"=31"), ENGINE_BYTES)
+            | (Some(b"=21"), AIR_BYTES)
+            | (Some(b"=71"), GROUND_BYTES)
+    )
 }
 
 fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut dyn Sink) {
@@ -57,6 +78,14 @@ fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut 
         counters.count_piece(&piece);
         return;
     };
+    if line[0] == b'@' {
+        counters.ignored += 1;
+        let mut out = Emit::new(at, source, &mut counters.flow, sink);
+        out.unchecked();
+        out.doubt = Some(Invalid::Doubtful);
+        simple(line, &mut out);
+        return;
+    }
     let length = match line.get(1..3) {
         Some(b"11") => ATTITUDE_BYTES,
         Some(b"31") => ENGINE_BYTES,
@@ -80,6 +109,48 @@ fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut 
             _ => {}
         }
     }
+}
+
+/// Date, time, position, its status, its error, height, velocity: Garmin, "Text Output Format" of its GPS interface.
+fn simple(line: &[u8], out: &mut Emit<'_>) {
+    let number = |at: usize, width: usize| whole(&line[at..at + width]);
+    let signed = |at: usize, width: usize, [plus, minus]: [u8; 2]| {
+        let sign = match line[at] {
+            b if b == plus => 1.0,
+            b if b == minus => -1.0,
+            _ => return None,
+        };
+        number(at + 1, width).map(|x| sign * x)
+    };
+    let angle = |at: usize, degrees: usize, hemispheres| {
+        let whole_degrees = signed(at, degrees, hemispheres)?;
+        let minutes = number(at + 1 + degrees, 5).filter(|m| *m < 60_000.0)?;
+        let degrees = whole_degrees.abs() + minutes / 60_000.0;
+        let sign = if line[at] == hemispheres[0] {
+            1.0
+        } else {
+            -1.0
+        };
+        Some((sign * degrees).to_radians())
+    };
+    // g, G: two and three dimensions; d, D: the same with differential corrections; S simulated; _ none.
+    let dimensions = match line[30] {
+        b'g' | b'd' => 2,
+        b'G' | b'D' | b'S' => 3,
+        _ => 0,
+    };
+    let flat = |x: Option<f64>| x.filter(|_| dimensions >= 2);
+    let high = |x: Option<f64>| x.filter(|_| dimensions >= 3);
+    out.maybe(Parameter::Latitude, flat(angle(13, 2, *b"NS")));
+    out.maybe(Parameter::Longitude, flat(angle(21, 3, *b"EW")));
+    out.maybe(Parameter::HorizontalAccuracy, flat(number(31, 3)));
+    out.maybe(Parameter::AltitudeMsl, high(signed(34, 5, *b"+-")));
+    let tenths = |at, directions| signed(at, 4, directions).map(|x| x * 0.1);
+    let velocity = tenths(45, *b"NS").zip(tenths(40, *b"EW"));
+    let speed = velocity.map(|(north, east)| north.hypot(east));
+    out.maybe(Parameter::GroundSpeed, flat(speed));
+    let up = signed(50, 4, *b"UD").map(|x| x * 0.01);
+    out.maybe(Parameter::VerticalSpeed, high(up));
 }
 
 fn attitude(line: &[u8], out: &mut Emit<'_>) {
@@ -141,6 +212,14 @@ fn engine(line: &[u8], out: &mut Emit<'_>) {
     f.put(Parameter::EngineSpeed, (18, 4), 1.0, same);
     f.put(Parameter::ManifoldPressure, (26, 3), 0.1, inches_of_mercury);
     f.put(engines::FUEL_FLOW[0], (29, 3), 0.1, gallons);
+    f.put(Parameter::FuelPressure, (35, 3), 0.1, psi);
+    f.put(FUEL_QUANTITY[0], (38, 3), 0.1, gallons);
+    f.put(FUEL_QUANTITY[1], (41, 3), 0.1, gallons);
+    f.put(Parameter::FuelRemaining, (44, 3), 0.1, gallons);
+    f.put(BUS_VOLTAGE[0], (47, 3), 0.1, same);
+    f.put(BUS_VOLTAGE[1], (50, 3), 0.1, same);
+    f.put(Parameter::EngineTime, (57, 5), 0.1, same);
+    f.put(Parameter::TachometerTime, (62, 5), 0.1, same);
     // Cylinder head and exhaust temperatures alternate, from the last cylinder to the first.
     for cylinder in 0..6 {
         let at = 67 + 8 * (5 - cylinder);

@@ -99,7 +99,7 @@ impl Decoder for Gdl90 {
     }
 }
 
-fn look(bytes: &[u8], seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     if bytes[0] != FLAG {
         let n = bytes.iter().position(|b| *b == FLAG).unwrap_or(bytes.len());
         return Look::Foreign(n);
@@ -274,6 +274,11 @@ impl Report {
 }
 
 fn ownship(m: &[u8; 28], out: &mut Emit<'_>) {
+    // Address types 0 and 1: what the own transponder sends, by which the receiver may hear it as traffic too.
+    let address = u32::from_be_bytes([0, m[2], m[3], m[4]]);
+    if m[1] & 0x0F <= 1 && !matches!(address, 0 | 0xFF_FFFF) {
+        out.sink.own_address(address);
+    }
     let report = Report::of(m);
     if report.position.is_some() && !report.integrity_is_known {
         out.doubt = Some(Invalid::Doubtful);

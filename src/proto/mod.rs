@@ -21,6 +21,7 @@ pub mod gdl90;
 mod gnss;
 pub mod mgl;
 pub mod nmea;
+pub mod sniff;
 pub mod stream;
 pub mod ubx;
 
@@ -115,6 +116,10 @@ pub struct Flow {
     pub refused: u64,
     /// Good frames of a kind that has no checksum.
     pub unchecked: u64,
+    /// Alarms of nodes, whose meaning is the node's own.
+    pub alarms: u64,
+    /// Frames numbered just before the last one: out of order, not taken.
+    pub late: u64,
 }
 
 impl Counters {

@@ -6,7 +6,10 @@
 mod parameter;
 mod traffic;
 
-pub use parameter::{BUS_CURRENT, BUS_VOLTAGE, FUEL_QUANTITY, Parameter, ParameterSpec, engines};
+pub use parameter::{
+    BUS_CURRENT, BUS_VOLTAGE, FUEL_MASS, FUEL_QUANTITY, GENERATOR_CURRENT, GENERATOR_VOLTAGE,
+    Parameter, ParameterSpec, engines,
+};
 pub use traffic::{Alert, Place, Traffic};
 
 use crate::sampled::Invalid;
@@ -88,6 +91,17 @@ pub struct Limit {
     pub value: f64,
 }
 
+/// What a source said that is no value of a parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Report {
+    /// Another aircraft.
+    Traffic(Traffic),
+    /// A bound of a parameter.
+    Limit(Limit),
+    /// The own aircraft's 24-bit address.
+    OwnAddress(u32),
+}
+
 /// Where a decoder puts what it has understood. A closure that takes signals is one that has no use for the rest.
 pub trait Sink {
     /// One parameter.
@@ -101,6 +115,11 @@ pub trait Sink {
     /// A bound of a parameter.
     fn limit(&mut self, limit: &Limit) {
         let _ = limit;
+    }
+
+    /// The own aircraft's 24-bit address: whatever else is said of it is no other aircraft.
+    fn own_address(&mut self, address: u32) {
+        let _ = address;
     }
 }
 

@@ -279,6 +279,106 @@ parameters! {
     BusVoltage2 = "bus_voltage_2_v", -5.0 => 1000.0, 5000;
     /// Second electrical bus or battery: current drawn, A.
     BusCurrent2 = "bus_current_2_a", -1000.0 => 1000.0, 5000;
+    /// Third electrical bus, V.
+    BusVoltage3 = "bus_voltage_3_v", -5.0 => 1000.0, 5000;
+    /// Third electrical bus: current drawn, A.
+    BusCurrent3 = "bus_current_3_a", -1000.0 => 1000.0, 5000;
+    /// Fourth electrical bus, V.
+    BusVoltage4 = "bus_voltage_4_v", -5.0 => 1000.0, 5000;
+    /// Fourth electrical bus: current drawn, A.
+    BusCurrent4 = "bus_current_4_a", -1000.0 => 1000.0, 5000;
+    /// First generator or alternator, V.
+    GeneratorVoltage1 = "generator_voltage_1_v", -5.0 => 1000.0, 5000;
+    /// First generator or alternator: current delivered, A.
+    GeneratorCurrent1 = "generator_current_1_a", -1000.0 => 1000.0, 5000;
+    /// Second generator or alternator, V.
+    GeneratorVoltage2 = "generator_voltage_2_v", -5.0 => 1000.0, 5000;
+    /// Second generator or alternator: current delivered, A.
+    GeneratorCurrent2 = "generator_current_2_a", -1000.0 => 1000.0, 5000;
+    /// Third generator or alternator, V.
+    GeneratorVoltage3 = "generator_voltage_3_v", -5.0 => 1000.0, 5000;
+    /// Third generator or alternator: current delivered, A.
+    GeneratorCurrent3 = "generator_current_3_a", -1000.0 => 1000.0, 5000;
+    /// Fourth generator or alternator, V.
+    GeneratorVoltage4 = "generator_voltage_4_v", -5.0 => 1000.0, 5000;
+    /// Fourth generator or alternator: current delivered, A.
+    GeneratorCurrent4 = "generator_current_4_a", -1000.0 => 1000.0, 5000;
+    /// First engine: temperature between turbines, K.
+    InterTurbineTemperature = "inter_turbine_temperature_k", 200.0 => 1800.0, 5000;
+    /// Second engine: temperature between turbines, K.
+    SecondInterTurbineTemperature = "second_inter_turbine_temperature_k", 200.0 => 1800.0, 5000;
+    /// First engine: turbine outlet temperature, K.
+    TurbineOutletTemperature = "turbine_outlet_temperature_k", 200.0 => 1800.0, 5000;
+    /// Second engine: turbine outlet temperature, K.
+    SecondTurbineOutletTemperature = "second_turbine_outlet_temperature_k", 200.0 => 1800.0, 5000;
+    /// First engine: oil, l.
+    OilQuantity = "oil_quantity_l", 0.0 => 500.0, 5000;
+    /// Second engine: oil, l.
+    SecondOilQuantity = "second_oil_quantity_l", 0.0 => 500.0, 5000;
+    /// First engine: coolant, l.
+    CoolantQuantity = "coolant_quantity_l", 0.0 => 500.0, 5000;
+    /// Second engine: coolant, l.
+    SecondCoolantQuantity = "second_coolant_quantity_l", 0.0 => 500.0, 5000;
+    /// First engine: pressure behind the fuel pump, hPa above ambient.
+    FuelPumpPressure = "fuel_pump_pressure_hpa", 0.0 => 25_000.0, 5000;
+    /// Second engine: pressure behind the fuel pump, hPa above ambient.
+    SecondFuelPumpPressure = "second_fuel_pump_pressure_hpa", 0.0 => 25_000.0, 5000;
+    /// First engine: pressure behind the compressor, absolute, hPa.
+    UpperDeckPressure = "upper_deck_pressure_hpa", 0.0 => 3500.0, 5000;
+    /// Second engine: pressure behind the compressor, absolute, hPa.
+    SecondUpperDeckPressure = "second_upper_deck_pressure_hpa", 0.0 => 3500.0, 5000;
+    /// First engine: time run by its tachometer, h.
+    TachometerTime = "tachometer_time_h", 0.0 => 100_000.0, 5000;
+    /// Second engine: time run by its tachometer, h.
+    SecondTachometerTime = "second_tachometer_time_h", 0.0 => 100_000.0, 5000;
+    /// First engine: electric motor, A.
+    MotorCurrent = "motor_current_a", 0.0 => 66_000.0, 5000;
+    /// Second engine: electric motor, A.
+    SecondMotorCurrent = "second_motor_current_a", 0.0 => 66_000.0, 5000;
+    /// First engine: main propulsion bus, V.
+    PropulsionVoltage = "propulsion_voltage_v", 0.0 => 7000.0, 5000;
+    /// Second engine: main propulsion bus, V.
+    SecondPropulsionVoltage = "second_propulsion_voltage_v", 0.0 => 7000.0, 5000;
+    /// First main battery: current, A, as the source signs it.
+    BatteryCurrent1 = "battery_current_1_a", -33_000.0 => 33_000.0, 5000;
+    /// First main battery: temperature, K.
+    BatteryTemperature1 = "battery_temperature_1_k", 200.0 => 500.0, 5000;
+    /// First main battery: charge, percent.
+    BatteryCharge1 = "battery_charge_1_percent", 0.0 => 100.0, 5000;
+    /// Second main battery: current, A, as the source signs it.
+    BatteryCurrent2 = "battery_current_2_a", -33_000.0 => 33_000.0, 5000;
+    /// Second main battery: temperature, K.
+    BatteryTemperature2 = "battery_temperature_2_k", 200.0 => 500.0, 5000;
+    /// Second main battery: charge, percent.
+    BatteryCharge2 = "battery_charge_2_percent", 0.0 => 100.0, 5000;
+    /// Total less static pressure, hPa.
+    DifferentialPressure = "differential_pressure_hpa", 0.0 => 3000.0, 2000;
+    /// Fuel left in all tanks by the source's own reckoning, l.
+    FuelRemaining = "fuel_remaining_l", 0.0 => 10_000.0, 5000;
+    /// First tank: fuel as mass, kg, of senders that measure it so.
+    FuelMass1 = "fuel_mass_1_kg", 0.0 => 10_000.0, 5000;
+    /// Second tank: fuel as mass, kg.
+    FuelMass2 = "fuel_mass_2_kg", 0.0 => 10_000.0, 5000;
+    /// Third tank: fuel as mass, kg.
+    FuelMass3 = "fuel_mass_3_kg", 0.0 => 10_000.0, 5000;
+    /// Fourth tank: fuel as mass, kg.
+    FuelMass4 = "fuel_mass_4_kg", 0.0 => 10_000.0, 5000;
+    /// Angle from the localizer's course as the source signs it, rad.
+    LocalizerDeviation = "localizer_deviation_rad", -HALF_PI => HALF_PI, 2000;
+    /// The pilot's glide path, above the horizon, rad.
+    SelectedGlidePath = "selected_glide_path_rad", 0.0 => HALF_PI, 5000;
+    /// The next waypoint: geodetic on WGS 84, north positive, rad.
+    WaypointLatitude = "waypoint_latitude_rad", -HALF_PI => HALF_PI, 5000;
+    /// The next waypoint: on WGS 84, east positive, rad.
+    WaypointLongitude = "waypoint_longitude_rad", -PI => PI, 5000;
+    /// The next waypoint: altitude, m.
+    WaypointAltitude = "waypoint_altitude_m", -1000.0 => 30_000.0, 5000;
+    /// The next waypoint: distance to it, m.
+    WaypointDistance = "waypoint_distance_m", 0.0 => 2.1e7, 5000;
+    /// The next waypoint: time to it, s.
+    WaypointTimeToGo = "waypoint_time_to_go_s", 0.0 => 400_000.0, 5000;
+    /// Brightness that the panel is set to, percent.
+    PanelDimmer = "panel_dimmer_percent", 0.0 => 100.0, 20_000;
 }
 
 impl Parameter {
@@ -332,6 +432,26 @@ pub mod engines {
     pub const TIME: [Parameter; 2] = [EngineTime, SecondEngineTime];
     /// percent.
     pub const POWER: [Parameter; 2] = [EnginePower, SecondEnginePower];
+    /// K.
+    pub const INTER_TURBINE_TEMPERATURE: [Parameter; 2] =
+        [InterTurbineTemperature, SecondInterTurbineTemperature];
+    /// K.
+    pub const TURBINE_OUTLET_TEMPERATURE: [Parameter; 2] =
+        [TurbineOutletTemperature, SecondTurbineOutletTemperature];
+    /// l.
+    pub const OIL_QUANTITY: [Parameter; 2] = [OilQuantity, SecondOilQuantity];
+    /// l.
+    pub const COOLANT_QUANTITY: [Parameter; 2] = [CoolantQuantity, SecondCoolantQuantity];
+    /// hPa.
+    pub const FUEL_PUMP_PRESSURE: [Parameter; 2] = [FuelPumpPressure, SecondFuelPumpPressure];
+    /// hPa.
+    pub const UPPER_DECK_PRESSURE: [Parameter; 2] = [UpperDeckPressure, SecondUpperDeckPressure];
+    /// h.
+    pub const TACHOMETER_TIME: [Parameter; 2] = [TachometerTime, SecondTachometerTime];
+    /// A.
+    pub const MOTOR_CURRENT: [Parameter; 2] = [MotorCurrent, SecondMotorCurrent];
+    /// V.
+    pub const PROPULSION_VOLTAGE: [Parameter; 2] = [PropulsionVoltage, SecondPropulsionVoltage];
     /// K, by engine and cylinder.
     pub const CYLINDER_HEAD_TEMPERATURE: [[Parameter; 6]; 2] = [
         [
@@ -379,10 +499,41 @@ pub const FUEL_QUANTITY: [Parameter; 4] = [
     Parameter::FuelQuantity3,
     Parameter::FuelQuantity4,
 ];
+/// Fuel by tank, kg.
+pub const FUEL_MASS: [Parameter; 4] = [
+    Parameter::FuelMass1,
+    Parameter::FuelMass2,
+    Parameter::FuelMass3,
+    Parameter::FuelMass4,
+];
 /// Voltages by electrical bus.
-pub const BUS_VOLTAGE: [Parameter; 2] = [Parameter::BusVoltage1, Parameter::BusVoltage2];
+pub const BUS_VOLTAGE: [Parameter; 4] = [
+    Parameter::BusVoltage1,
+    Parameter::BusVoltage2,
+    Parameter::BusVoltage3,
+    Parameter::BusVoltage4,
+];
 /// Currents by electrical bus.
-pub const BUS_CURRENT: [Parameter; 2] = [Parameter::BusCurrent1, Parameter::BusCurrent2];
+pub const BUS_CURRENT: [Parameter; 4] = [
+    Parameter::BusCurrent1,
+    Parameter::BusCurrent2,
+    Parameter::BusCurrent3,
+    Parameter::BusCurrent4,
+];
+/// Voltages by generator.
+pub const GENERATOR_VOLTAGE: [Parameter; 4] = [
+    Parameter::GeneratorVoltage1,
+    Parameter::GeneratorVoltage2,
+    Parameter::GeneratorVoltage3,
+    Parameter::GeneratorVoltage4,
+];
+/// Currents by generator.
+pub const GENERATOR_CURRENT: [Parameter; 4] = [
+    Parameter::GeneratorCurrent1,
+    Parameter::GeneratorCurrent2,
+    Parameter::GeneratorCurrent3,
+    Parameter::GeneratorCurrent4,
+];
 
 #[cfg(test)]
 mod tests {

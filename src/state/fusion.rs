@@ -5,7 +5,7 @@
 //! (failed before out of range before silent), so that the pilot learns that a sensor has failed rather than that another
 //! was never fitted.
 //!
-//! A good value is no longer one when its sensor has stopped (`frozen`) or other sensors refute it (`crosscheck`). A value
+//! A good value is no longer one when its sensor has stopped (`frozen`), when it has jumped (`jump`) or other sensors refute it (`crosscheck`). A value
 //! that is not from the most trusted source that has been heard of says so ([`FlightState::fallback`]). What is shown is
 //! compared with the other sources (`compare`), and what follows from it is worked out (`derive`).
 //!
@@ -15,13 +15,16 @@
 //! Pure: no clock, no I/O, no allocation after [`Fusion::new`].
 
 use super::FlightState;
+use super::bounds::Bounds;
 use super::compare::Comparator;
 use super::crosscheck::CrossCheck;
 use super::derive::Deriver;
 use super::frozen::{FLYING_MPS, Stillness};
+use super::jump::Jumps;
+use super::traffic::{FEED_AGE_MAX, Feed, Skies};
 use crate::limits::SOURCES_MAX;
 use crate::sampled::{Invalid, Sampled};
-use crate::signal::{Parameter, Signal, SourceId};
+use crate::signal::{Limit, Parameter, Report, Signal, Sink, SourceId, Traffic};
 use crate::time::Monotonic;
 use arrayvec::ArrayVec;
 
@@ -34,6 +37,8 @@ pub struct Fusion {
     crosscheck: CrossCheck,
     comparator: Comparator,
     deriver: Deriver,
+    skies: Skies,
+    bounds: Bounds,
 }
 
 impl Fusion {
@@ -52,13 +57,44 @@ impl Fusion {
                 order,
                 said: vec![[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
                 stillness: vec![Stillness::new(); SOURCES_MAX],
+                jumps: vec![Jumps::new(); SOURCES_MAX],
                 contradicted: [false; SOURCES_MAX],
+                last: [None; SOURCES_MAX],
+                tells_traffic: [false; SOURCES_MAX],
             },
             unknown_sources: 0,
             flying_since: None,
             crosscheck: CrossCheck::new(),
             comparator: Comparator::default(),
             deriver: Deriver::new(),
+            skies: Skies::new(),
+            bounds: Bounds::NONE,
+        }
+    }
+
+    /// These sources tell of other aircraft, even where there are none: when they are silent that is said.
+    #[must_use]
+    pub fn with_traffic_from(mut self, sources: &[SourceId]) -> Self {
+        for id in sources.iter().filter(|id| self.heard.order.contains(id)) {
+            self.heard.tells_traffic[usize::from(id.0)] = true;
+        }
+        self
+    }
+
+    /// Remembers what a source said that is no value.
+    pub fn report(&mut self, report: &Report) {
+        let order = &self.heard.order;
+        let trust = |id| order.iter().position(|o| *o == id).unwrap_or(usize::MAX);
+        match report {
+            Report::OwnAddress(address) => self.skies.is_own(*address),
+            Report::Traffic(t) if order.contains(&t.source) => {
+                self.skies.see(t, trust);
+                let source = usize::from(t.source.0);
+                self.heard.tells_traffic[source] = true;
+                self.heard.last[source] = Some(t.at);
+            }
+            Report::Limit(l) if order.contains(&l.source) => self.bounds.take(l, trust),
+            Report::Traffic(_) | Report::Limit(_) => self.unknown_sources += 1,
         }
     }
 
@@ -70,10 +106,14 @@ impl Fusion {
             return;
         }
         let source = usize::from(signal.source.0);
+        self.heard.last[source] = Some(signal.at);
         let slot = &mut self.heard.said[source][signal.parameter.index()];
         if slot.at().is_none_or(|at| signal.at >= at) {
             *slot = Sampled::from_result(signal.value, signal.at);
             self.heard.stillness[source].see(signal.parameter, signal.value.ok(), signal.at);
+            if let Ok(value) = signal.value {
+                self.heard.jumps[source].see(signal.parameter, value, signal.at);
+            }
         }
     }
 
@@ -100,6 +140,9 @@ impl Fusion {
             self.comparator
                 .step(&heard.order, &state, |s, p| heard.read(s, p, now), now);
         state.set_miscompares(miscompares);
+        state.around.targets = self.skies.around(&state, now);
+        state.around.feed = heard.feed(now);
+        state.bounds = self.bounds;
         // What is refuted now is taken away with the next picture.
         let said = |s, p| heard.believed(s, p).read(now, p.spec().age_max);
         self.crosscheck.step(&heard.order, &state, said, now);
@@ -114,8 +157,30 @@ struct Heard {
     order: ArrayVec<SourceId, SOURCES_MAX>,
     said: Vec<[Sampled<f64>; Parameter::COUNT]>,
     stillness: Vec<Stillness>,
+    jumps: Vec<Jumps>,
     /// Sources whose attitude is refuted.
     contradicted: [bool; SOURCES_MAX],
+    /// When each source last said anything.
+    last: [Option<Monotonic>; SOURCES_MAX],
+    tells_traffic: [bool; SOURCES_MAX],
+}
+
+impl Sink for Fusion {
+    fn signal(&mut self, signal: Signal) {
+        self.apply(&signal);
+    }
+
+    fn traffic(&mut self, traffic: &Traffic) {
+        self.report(&Report::Traffic(*traffic));
+    }
+
+    fn limit(&mut self, limit: &Limit) {
+        self.report(&Report::Limit(*limit));
+    }
+
+    fn own_address(&mut self, address: u32) {
+        self.report(&Report::OwnAddress(address));
+    }
 }
 
 impl Heard {
@@ -139,6 +204,24 @@ impl Heard {
                 ])
             })
             .is_some_and(|speed| speed >= FLYING_MPS)
+    }
+
+    /// Whether anybody would tell of other aircraft.
+    fn feed(&self, now: Monotonic) -> Feed {
+        let mut feed = Feed::None;
+        for (last, _) in self
+            .last
+            .iter()
+            .zip(self.tells_traffic)
+            .filter(|(_, tells)| *tells)
+        {
+            let age = last.and_then(|at| now.since(at));
+            if age.is_some_and(|age| age <= FEED_AGE_MAX) {
+                return Feed::Live;
+            }
+            feed = Feed::Silent;
+        }
+        feed
     }
 
     /// Of every parameter the value that is to be shown.
@@ -178,12 +261,14 @@ impl Heard {
         }
     }
 
-    /// What a source last said, if its sensor has not stopped.
+    /// What a source last said, if its sensor has neither stopped nor jumped.
     fn believed(&self, source: SourceId, parameter: Parameter) -> Sampled<f64> {
         let source = usize::from(source.0);
         let last = self.said[source][parameter.index()];
         if self.stillness[source].is_frozen(parameter) {
             refuted(last, Invalid::Frozen)
+        } else if self.jumps[source].has_jumped(parameter) {
+            refuted(last, Invalid::Implausible)
         } else {
             last
         }
@@ -338,10 +423,10 @@ mod tests {
             (Ok(0.1), Some(A)),
             "fail-over"
         );
-        say(&mut f, B, Parameter::Pitch, Ok(0.3), 1030);
+        say(&mut f, B, Parameter::Pitch, Ok(0.21), 1030);
         assert_eq!(
             shown(&mut f, Parameter::Pitch, 1030),
-            (Ok(0.3), Some(B)),
+            (Ok(0.21), Some(B)),
             "back again"
         );
         assert_eq!(

@@ -1,14 +1,17 @@
 //! Fused, validated flight state. Pure: signals and `now` in, a snapshot out.
 
 pub mod attitude;
+pub mod bounds;
 pub mod compare;
 pub mod crosscheck;
 pub mod derive;
 pub mod frozen;
 pub mod fusion;
+pub mod jump;
 mod latch;
 pub mod magnetic;
 pub mod snapshot;
+pub mod traffic;
 mod trail;
 mod wmm2025;
 

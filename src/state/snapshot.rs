@@ -1,5 +1,7 @@
 //! The snapshot that the display reads: for every parameter the selected value with its time, or why there is none.
 
+use super::bounds::Bounds;
+use super::traffic::Around;
 use crate::sampled::{Invalid, Sampled};
 use crate::signal::{Parameter, SourceId};
 use crate::time::Monotonic;
@@ -53,6 +55,10 @@ pub struct FlightState {
     fallbacks: [bool; Parameter::COUNT],
     miscompares: [bool; Compared::COUNT],
     missing: [Option<Missing>; Parameter::COUNT],
+    /// Other aircraft.
+    pub around: Around,
+    /// Bounds of parameters that a bus gives.
+    pub bounds: Bounds,
 }
 
 impl FlightState {
@@ -65,6 +71,8 @@ impl FlightState {
             fallbacks: [false; Parameter::COUNT],
             miscompares: [false; Compared::COUNT],
             missing: [None; Parameter::COUNT],
+            around: Around::NOBODY,
+            bounds: Bounds::NONE,
         }
     }
 

@@ -21,7 +21,8 @@ use crate::terrain::grid::{Grid, POSTS_PER_DEGREE};
 use crate::terrain::input::{self, InputError};
 use crate::terrain::pack::{Bounds, PackInfo, PostRect, SourceInfo};
 use crate::terrain::partition::Partition;
-use crate::terrain::raster::{Contents, Geometry, Placement, Raster};
+use crate::terrain::placement::Placement;
+use crate::terrain::raster::{Contents, Geometry, Raster};
 use crate::terrain::store::Scale;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -233,7 +234,7 @@ fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
     let mut inputs: Vec<Input> = read
         .into_iter()
         .filter_map(|(path, geometry, contents)| {
-            let placement = geometry.placement(grid);
+            let placement = Placement::new(&geometry, grid);
             let rect = match job.region {
                 Some(region) => cut(grid, &placement.rect(grid), &region)?,
                 None => placement.rect(grid),

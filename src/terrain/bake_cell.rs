@@ -10,7 +10,8 @@ use crate::terrain::codec::SurfaceKind;
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::Grid;
 use crate::terrain::pack::PostRect;
-use crate::terrain::raster::{Placement, Raster};
+use crate::terrain::placement::Placement;
+use crate::terrain::raster::Raster;
 use crate::terrain::store::Scale;
 use crate::units::Radians;
 
@@ -250,15 +251,15 @@ impl Mosaic {
         else {
             return;
         };
-        let columns: Vec<_> = (west..=east)
-            .map(|i| layer.placement.east.place(i - shift))
-            .collect();
+        let mut spots = Vec::new();
         for j in south..=north {
-            let row = layer.placement.south.place(-j);
+            let columns = west - shift..=east - shift;
+            layer.placement.spots(j, columns, &mut spots);
             let start = (j - self.rect.south).cast_unsigned() as usize * self.window.columns
                 + (west - self.rect.west).cast_unsigned() as usize;
-            for (i, (column, at)) in (west..).zip(columns.iter().zip(start..)) {
-                let height = layer.raster.height_m(*column, row);
+            for (i, (spot, at)) in (west..).zip(spots.iter().zip(start..)) {
+                let Some(spot) = *spot else { continue };
+                let height = layer.raster.height_m(spot);
                 let there = self.heights[at];
                 match (height, self.layer[at]) {
                     (Some(h), Some(first)) if !there.is_nan() => {

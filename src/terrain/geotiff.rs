@@ -1,10 +1,12 @@
-//! GeoTIFF elevation: one band of 16-bit integers or 32-bit floats, in strips or tiles, in geographic WGS 84 coordinates.
+//! GeoTIFF elevation: one band of 16-bit integers or 32-bit floats, in strips or tiles, in geographic coordinates or a zone
+//! of UTM, both on WGS 84.
 //!
 //! Source: OGC 19-008r4, GeoTIFF Standard 1.1 (annex B.6 for the raster-to-model tags, 7.1 and annex C for the keys), and
 //! GDAL's GDAL_NODATA tag (42113).
 
 use crate::terrain::input::InputError;
-use crate::terrain::raster::{Geometry, Raster, Samples};
+use crate::terrain::raster::{Crs, Geometry, Raster, Samples};
+use crate::terrain::utm::Zone;
 use std::io::Cursor;
 use tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
@@ -12,6 +14,9 @@ use tiff::{ColorType, TiffError, TiffUnsupportedError};
 
 /// The most samples read from one file: 800 MB as floats. A 1/3" tile of one degree has 117 million.
 const SAMPLES_MAX: usize = 200_000_000;
+
+/// What stands for a code that no register has (OGC 19-008r4, 7.1.2).
+const USER_DEFINED: u16 = 32_767;
 
 type Tiff = Decoder<Cursor<Vec<u8>>>;
 
@@ -35,17 +40,19 @@ pub fn read(bytes: Vec<u8>) -> Result<Raster, InputError> {
         return Err(InputError::TiffKind("more than one band".to_owned()));
     }
     let keys = Keys::read(&mut tiff)?;
-    keys.check_crs()?;
+    let crs = keys.crs()?;
     let model = model(&mut tiff, keys.pixel_is_point())?;
     let nodata = text(&mut tiff, Tag::GdalNodata)?
         .and_then(|t| t.trim_matches(['\0', ' ', '\n']).parse::<f64>().ok());
     let geometry = Geometry {
+        crs,
         columns,
         rows,
-        west_deg: (model.west_deg + 180.0).rem_euclid(360.0) - 180.0,
-        north_deg: model.north_deg,
-        step_east_deg: model.step_east_deg,
-        step_south_deg: model.step_south_deg,
+        west: match crs {
+            Crs::Geographic => (model.west + 180.0).rem_euclid(360.0) - 180.0,
+            Crs::Utm(_) => model.west,
+        },
+        ..model
     };
     check_place(&geometry)?;
     let mut raster = Raster {
@@ -76,20 +83,12 @@ fn tiff_error(e: TiffError) -> InputError {
     }
 }
 
-/// The place of the raster's samples.
-struct Model {
-    west_deg: f64,
-    north_deg: f64,
-    step_east_deg: f64,
-    step_south_deg: f64,
-}
-
-/// From ModelPixelScale and ModelTiepoint, or ModelTransformation.
-fn model(tiff: &mut Tiff, pixel_is_point: bool) -> Result<Model, InputError> {
+/// Where the samples stand, from ModelPixelScale and ModelTiepoint, or ModelTransformation; without their number.
+fn model(tiff: &mut Tiff, pixel_is_point: bool) -> Result<Geometry, InputError> {
     let scale = doubles(tiff, Tag::ModelPixelScaleTag)?;
     let tie = doubles(tiff, Tag::ModelTiepointTag)?;
     let matrix = doubles(tiff, Tag::ModelTransformationTag)?;
-    // Longitude and latitude of raster position (0, 0), and the steps.
+    // The coordinates of raster position (0, 0), and the steps.
     let (x0, y0, dx, dy) = match (scale.as_slice(), tie.as_slice(), matrix.as_slice()) {
         (&[dx, dy, ..], &[column, row, _, x, y, _], _) => (x - column * dx, y + row * dy, dx, dy),
         (&[_, _, ..], &[_, _, _, _, _, _, ..], _) => {
@@ -109,16 +108,19 @@ fn model(tiff: &mut Tiff, pixel_is_point: bool) -> Result<Model, InputError> {
     };
     // Raster position (0, 0) is the first sample itself, or the outer corner of its pixel.
     let half = if pixel_is_point { 0.0 } else { 0.5 };
-    Ok(Model {
-        west_deg: x0 + half * dx,
-        north_deg: y0 - half * dy,
-        step_east_deg: dx,
-        step_south_deg: dy,
+    Ok(Geometry {
+        crs: Crs::Geographic,
+        columns: 0,
+        rows: 0,
+        west: x0 + half * dx,
+        north: y0 - half * dy,
+        step_east: dx,
+        step_south: dy,
     })
 }
 
 fn check_place(raster: &Geometry) -> Result<(), InputError> {
-    let steps = [raster.step_east_deg, raster.step_south_deg];
+    let steps = [raster.step_east, raster.step_south];
     if !steps.iter().all(|s| s.is_finite() && *s > 0.0) {
         return Err(InputError::Georeference(
             "its rows do not run from north to south and from west to east",
@@ -126,16 +128,23 @@ fn check_place(raster: &Geometry) -> Result<(), InputError> {
     }
     #[expect(clippy::cast_precision_loss, reason = "below 2^52")]
     let (columns, rows) = (raster.columns as f64, raster.rows as f64);
-    let south = raster.north_deg - steps[1] * (rows - 1.0);
-    // Half a pixel of a global grid may stand beyond the pole.
-    let on_earth = raster.west_deg.is_finite()
-        && raster.north_deg <= 90.0 + 1e-6
-        && south >= -90.0 - 1e-6
-        && steps[0] * (columns - 1.0) <= 360.0 + 1e-6;
-    if on_earth {
-        Ok(())
-    } else {
-        Err(InputError::Georeference("it reaches beyond the Earth"))
+    let south = raster.north - steps[1] * (rows - 1.0);
+    let east = raster.west + steps[0] * (columns - 1.0);
+    match raster.crs {
+        // Half a pixel of a global grid may stand beyond the pole.
+        Crs::Geographic
+            if raster.west.is_finite()
+                && raster.north <= 90.0 + 1e-6
+                && south >= -90.0 - 1e-6
+                && steps[0] * (columns - 1.0) <= 360.0 + 1e-6 =>
+        {
+            Ok(())
+        }
+        Crs::Utm(zone) if zone.covers((raster.west, south), (east, raster.north)) => Ok(()),
+        Crs::Geographic => Err(InputError::Georeference("it reaches beyond the Earth")),
+        Crs::Utm(_) => Err(InputError::Georeference(
+            "it reaches far beyond its UTM zone",
+        )),
     }
 }
 
@@ -182,24 +191,49 @@ impl Keys {
         self.short(1025) == Some(2)
     }
 
-    /// Geographic WGS 84 in degrees, heights in metres; a user-defined system passes if its ellipsoid is WGS 84's.
-    fn check_crs(&self) -> Result<(), InputError> {
-        const USER_DEFINED: u16 = 32_767;
-        match self.short(1024) {
-            Some(2) => {}
-            None => {
-                return Err(InputError::Georeference(
-                    "it does not say its coordinate system (GTModelType)",
-                ));
-            }
-            Some(1) => {
-                return Err(InputError::Crs(match self.short(3072) {
-                    Some(code) if code != USER_DEFINED => format!("EPSG:{code}"),
-                    _ => "a projected coordinate system of its own".to_owned(),
-                }));
-            }
-            Some(_) => return Err(InputError::Crs("geocentric coordinates".to_owned())),
+    /// WGS 84 in degrees or in a zone of UTM, heights in metres.
+    fn crs(&self) -> Result<Crs, InputError> {
+        if let Some(code) = self.short(4099).filter(|code| *code != 9001) {
+            return Err(InputError::TiffKind(format!(
+                "heights of unit EPSG:{code} instead of metres"
+            )));
         }
+        match self.short(1024) {
+            Some(1) => self.projected(),
+            Some(2) => self.geographic().map(|()| Crs::Geographic),
+            None => Err(InputError::Georeference(
+                "it does not say its coordinate system (GTModelType)",
+            )),
+            Some(_) => Err(InputError::Crs("geocentric coordinates".to_owned())),
+        }
+    }
+
+    /// A zone of UTM: by its EPSG code, or by that of its projection (16001 to 16060 and 16101 to 16160) over WGS 84.
+    fn projected(&self) -> Result<Crs, InputError> {
+        let code = self.short(3072).filter(|code| *code != USER_DEFINED);
+        let zone = match (code, self.short(3074)) {
+            (Some(code), _) => Zone::from_epsg(code),
+            (None, Some(projection @ 16_001..=16_160)) => {
+                self.geographic()?;
+                let hemisphere = if projection < 16_100 { 32_600 } else { 32_700 };
+                Zone::from_epsg(hemisphere + projection % 100)
+            }
+            (None, _) => None,
+        };
+        let zone = zone.ok_or_else(|| {
+            InputError::Crs(match code {
+                Some(code) => format!("EPSG:{code}"),
+                None => "a projected coordinate system of its own".to_owned(),
+            })
+        })?;
+        if let Some(code) = self.short(3076).filter(|code| *code != 9001) {
+            return Err(InputError::Crs(format!("coordinates of unit EPSG:{code}")));
+        }
+        Ok(Crs::Utm(zone))
+    }
+
+    /// Geographic WGS 84 in degrees; a user-defined system passes if its ellipsoid is WGS 84's.
+    fn geographic(&self) -> Result<(), InputError> {
         match self.short(2048) {
             Some(4326) => {}
             None | Some(USER_DEFINED) => {
@@ -214,11 +248,6 @@ impl Keys {
         }
         if let Some(code) = self.short(2054).filter(|code| *code != 9102) {
             return Err(InputError::Crs(format!("angles of unit EPSG:{code}")));
-        }
-        if let Some(code) = self.short(4099).filter(|code| *code != 9001) {
-            return Err(InputError::TiffKind(format!(
-                "heights of unit EPSG:{code} instead of metres"
-            )));
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 //! neighbours, -32768 where there is none. The name gives the south-west corner. Source: USGS/NASA, "SRTM Topography"
 //! (SRTM_Topo.pdf, version 2.1 documentation, sections 3.1 and 3.2).
 
-use crate::terrain::raster::{Geometry, Raster, Samples};
+use crate::terrain::raster::{Crs, Geometry, Raster, Samples};
 
 /// Posts along a side: 3" and 1".
 const SIDES: [usize; 2] = [1201, 3601];
@@ -40,12 +40,13 @@ pub fn parse(bytes: &[u8], (latitude, longitude): (i32, i32)) -> Option<Raster> 
     let intervals = u32::try_from(side - 1).ok()?;
     let mut raster = Raster {
         geometry: Geometry {
+            crs: Crs::Geographic,
             columns: side,
             rows: side,
-            west_deg: f64::from(longitude),
-            north_deg: f64::from(latitude + 1),
-            step_east_deg: 1.0 / f64::from(intervals),
-            step_south_deg: 1.0 / f64::from(intervals),
+            west: f64::from(longitude),
+            north: f64::from(latitude + 1),
+            step_east: 1.0 / f64::from(intervals),
+            step_south: 1.0 / f64::from(intervals),
         },
         samples: Samples::Whole(samples),
     };
@@ -86,7 +87,7 @@ mod tests {
             panic!("whole metres");
         };
         assert_eq!(&samples[..3], &[258, i16::MIN, 0]);
-        assert!((raster.geometry.north_deg - 51.0).abs() < 1e-12);
+        assert!((raster.geometry.north - 51.0).abs() < 1e-12);
     }
 
     #[test]

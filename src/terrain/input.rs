@@ -1,7 +1,7 @@
 //! Elevation files by kind: which reader a name asks for, and everything that can be wrong with one.
 
 use crate::terrain::raster::Raster;
-use crate::terrain::{archive, geotiff, hgt};
+use crate::terrain::{archive, dted, geotiff, hgt};
 use std::fs;
 use std::io;
 use std::path::Path;
@@ -21,6 +21,9 @@ pub enum InputError {
     /// A .hgt of a size that none has.
     #[error("has {0} bytes; a .hgt has 2884802 (1201 x 1201 posts) or 25934402 (3601 x 3601)")]
     HgtSize(usize),
+    /// A DTED file that is damaged or of an unknown kind.
+    #[error("is no DTED file that can be read: {0}")]
+    Dted(String),
     /// A damaged zip archive.
     #[error("is a damaged zip archive")]
     Zip(#[source] zip::result::ZipError),
@@ -45,8 +48,8 @@ pub enum InputError {
     /// Its place or size is not what it was a moment ago.
     #[error("changed while it was baked")]
     Changed,
-    /// A TIFF that is not in geographic WGS 84 coordinates.
-    #[error("is in {0}, not in geographic WGS 84 coordinates (EPSG:4326)")]
+    /// A TIFF that is in other coordinates.
+    #[error("is in {0}, neither in geographic WGS 84 coordinates (EPSG:4326) nor in UTM on WGS 84")]
     Crs(String),
 }
 
@@ -66,11 +69,15 @@ impl InputError {
     pub const fn remedy(&self) -> &'static str {
         match self {
             Self::Io(_) => "check the path and its permissions",
-            Self::UnknownKind => "give .hgt, .hgt.gz, .zip with a .hgt in it, .tif or .tiff",
+            Self::UnknownKind => {
+                "give .hgt, .hgt.gz, .zip with a .hgt in it, .tif, .tiff, .dt0, .dt1 or .dt2"
+            }
             Self::HgtName => {
                 "name it as N50E014.hgt: the latitude and longitude of its south-west corner"
             }
-            Self::HgtSize(_) | Self::Zip(_) | Self::Gzip | Self::Tiff(_) => "download it again",
+            Self::HgtSize(_) | Self::Dted(_) | Self::Zip(_) | Self::Gzip | Self::Tiff(_) => {
+                "download it again"
+            }
             Self::ZipWithoutHgt => "give the archive of an SRTM tile",
             Self::ZipWithMany(_) => "unpack it and give the .hgt files",
             Self::TiffKind(_) => {
@@ -78,7 +85,7 @@ impl InputError {
             }
             Self::Georeference(_) => "write it again as GeoTIFF, say with gdal_translate",
             Self::Changed => "let nothing write to it and bake again",
-            Self::Crs(_) => "convert it with gdalwarp -t_srs EPSG:4326",
+            Self::Crs(_) => "convert it, say with gdalwarp -t_srs EPSG:4326",
         }
     }
 }
@@ -100,6 +107,11 @@ pub fn read(path: &Path) -> Result<Raster, InputError> {
         read_hgt(&name, &bytes)
     } else if lower.ends_with(".tif") || lower.ends_with(".tiff") {
         geotiff::read(bytes()?)
+    } else if [".dt0", ".dt1", ".dt2"]
+        .iter()
+        .any(|end| lower.ends_with(end))
+    {
+        dted::parse(&bytes()?)
     } else if path.exists() {
         Err(InputError::UnknownKind)
     } else {

@@ -1,15 +1,11 @@
 //! One elevation file in memory: its samples, where they stand, and reading them at the posts of a grid. Pure.
 
-use crate::terrain::grid::Grid;
-use crate::terrain::pack::PostRect;
+use crate::terrain::placement::{ON_POST, Spot};
+use crate::terrain::utm::Zone;
 
 /// No ground on Earth is lower or higher than this, metres (the Challenger Deep is near -10 950, Everest 8849): what lies
 /// outside is no measurement, whatever the file calls it.
 const PLAUSIBLE_M: std::ops::RangeInclusive<f32> = -12_000.0..=9_000.0;
-
-/// A sample this close to a post, in spacings of the finer of the two, stands on it. GeoTIFF writers round the spacing to 9 or more digits, which
-/// adds up to a few thousandths over a tile.
-const ON_POST: f64 = 0.01;
 
 /// Samples, row by row from the north, each row from the west. Voids are `i16::MIN` or NaN.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,21 +16,32 @@ pub enum Samples {
     Fractional(Vec<f32>),
 }
 
+/// The coordinates in which a file's samples stand in rows and columns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crs {
+    /// Degrees of longitude and latitude on WGS 84.
+    Geographic,
+    /// Metres of easting and northing in a zone of UTM on WGS 84.
+    Utm(Zone),
+}
+
 /// Where a file's samples stand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry {
+    /// The coordinates of what follows, and their unit.
+    pub crs: Crs,
     /// Samples in a row.
     pub columns: usize,
     /// Rows.
     pub rows: usize,
-    /// Longitude of the westernmost samples, degrees east, -180 or above and below 180.
-    pub west_deg: f64,
-    /// Latitude of the northernmost samples, degrees north.
-    pub north_deg: f64,
-    /// Spacing eastwards, degrees, positive.
-    pub step_east_deg: f64,
-    /// Spacing southwards, degrees, positive.
-    pub step_south_deg: f64,
+    /// Longitude of the westernmost samples, -180 degrees or above and below 180, or their easting.
+    pub west: f64,
+    /// Latitude or northing of the northernmost samples.
+    pub north: f64,
+    /// Spacing eastwards, positive.
+    pub step_east: f64,
+    /// Spacing southwards, positive.
+    pub step_south: f64,
 }
 
 /// An elevation file.
@@ -56,15 +63,23 @@ pub struct Contents {
 }
 
 impl Geometry {
-    /// Samples per degree along the finer axis.
+    /// Samples per degree of latitude or longitude, along the finer axis.
     #[must_use]
     pub fn samples_per_degree(&self) -> f64 {
-        1.0 / self.step_east_deg.min(self.step_south_deg)
+        // A degree of latitude is 110.6 to 111.7 km.
+        let degree = match self.crs {
+            Crs::Geographic => 1.0,
+            Crs::Utm(_) => 111_200.0,
+        };
+        degree / self.step_east.min(self.step_south)
     }
 
     /// The columns of one turn around the Earth, if it has them all, and perhaps the first once more at the end.
     fn turn(&self) -> Option<usize> {
-        let around = 360.0 / self.step_east_deg;
+        if self.crs != Crs::Geographic {
+            return None;
+        }
+        let around = 360.0 / self.step_east;
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
@@ -74,25 +89,6 @@ impl Geometry {
         let closes = (around - around.round()).abs() < ON_POST
             && (self.columns == turn || turn.checked_add(1) == Some(self.columns));
         closes.then_some(turn)
-    }
-
-    /// How it lies on a grid.
-    #[must_use]
-    pub fn placement(&self, grid: Grid) -> Placement {
-        let posts = f64::from(grid.posts_per_degree);
-        Placement {
-            east: Axis::new(
-                self.west_deg * posts,
-                self.step_east_deg * posts,
-                self.columns,
-            ),
-            // Rows count southwards, so the axis runs along minus the latitude.
-            south: Axis::new(
-                -self.north_deg * posts,
-                self.step_south_deg * posts,
-                self.rows,
-            ),
-        }
     }
 }
 
@@ -132,13 +128,12 @@ impl Raster {
             clippy::cast_sign_loss,
             reason = "columns from 180 W on: 0 up to a turn"
         )]
-        let first = ((-180.0 - g.west_deg).rem_euclid(360.0) / g.step_east_deg + ON_POST).floor()
-            as usize
-            % turn;
+        let first =
+            ((-180.0 - g.west).rem_euclid(360.0) / g.step_east + ON_POST).floor() as usize % turn;
         #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
         let (west_deg, rows_deg) = (
-            g.west_deg + g.step_east_deg * first as f64,
-            g.step_south_deg * (g.rows.max(1) - 1) as f64,
+            g.west + g.step_east * first as f64,
+            g.step_south * (g.rows.max(1) - 1) as f64,
         );
         let width = turn + 2;
         // Voids are NaN here.
@@ -147,8 +142,8 @@ impl Raster {
             let columns = (first..first + width).map(|column| row * g.columns + column % turn);
             closed.extend(columns.map(|at| self.sample(at).unwrap_or(f32::NAN)));
         }
-        let from_pole = [90.0 - g.north_deg, 90.0 - (rows_deg - g.north_deg)];
-        let steps = from_pole.map(|deg| deg / g.step_south_deg);
+        let from_pole = [90.0 - g.north, 90.0 - (rows_deg - g.north)];
+        let steps = from_pole.map(|deg| deg / g.step_south);
         let last = closed.len() - width;
         for (start, steps) in [(0, steps[0]), (last, steps[1])] {
             if steps.abs() < ON_POST
@@ -167,8 +162,8 @@ impl Raster {
         self.geometry = Geometry {
             columns: width,
             rows: closed.len() / width,
-            west_deg: west_deg - if west_deg > 0.0 { 360.0 } else { 0.0 },
-            north_deg: g.north_deg + if half[0] { g.step_south_deg } else { 0.0 },
+            west: west_deg - if west_deg > 0.0 { 360.0 } else { 0.0 },
+            north: g.north + if half[0] { g.step_south } else { 0.0 },
             ..g
         };
         self.samples = match self.samples {
@@ -221,7 +216,7 @@ impl Raster {
 
     /// The height at a place between samples, metres: bilinear; `None` where a sample it needs is void.
     #[must_use]
-    pub fn height_m(&self, east: Place, south: Place) -> Option<f32> {
+    pub fn height_m(&self, Spot { east, south }: Spot) -> Option<f32> {
         let at = south.index * self.geometry.columns + east.index;
         let a = self.sample(at)?;
         if east.fraction <= 0.0 && south.fraction <= 0.0 {
@@ -266,131 +261,12 @@ fn across_the_pole(row: &[f32], turn: usize) -> Vec<f32> {
     row.iter().map(|h| twice - h).collect()
 }
 
-/// How the samples along one axis lie on the posts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axis {
-    /// Post coordinate of the first sample.
-    origin: f64,
-    /// Posts from one sample to the next.
-    step: f64,
-    count: usize,
-    /// Whether every sample stands on a post.
-    on_posts: bool,
-}
-
-/// A post's place among the samples of an axis: between `index` and the next, `fraction` of the way.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
-    /// The sample at or before it.
-    pub index: usize,
-    /// 0 on the sample, below 1.
-    pub fraction: f64,
-}
-
-impl Axis {
-    fn new(origin: f64, step: f64, count: usize) -> Self {
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
-        let last = origin + step * (count.max(1) - 1) as f64;
-        let near = |x: f64| (x - x.round()).abs() < ON_POST;
-        let on_posts = near(origin)
-            && near(last)
-            && step.round() >= 1.0
-            && (step - step.round()).abs() < ON_POST;
-        if !on_posts {
-            return Self {
-                origin,
-                step,
-                count,
-                on_posts,
-            };
-        }
-        Self {
-            origin: origin.round(),
-            step: step.round(),
-            count,
-            on_posts,
-        }
-    }
-
-    /// The first and last post it covers, inclusive. Samples on posts cover what lies between the outermost; samples
-    /// elsewhere stand for their cell and cover half a spacing more.
-    fn posts(&self) -> (i32, i32) {
-        // Rounding must not cost a post, nor win one.
-        let rounding = (ON_POST * self.step).min(0.5);
-        let beyond = rounding + if self.on_posts { 0.0 } else { 0.5 * self.step };
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
-        let last = self.origin + self.step * (self.count.max(1) - 1) as f64;
-        #[expect(
-            clippy::cast_possible_truncation,
-            reason = "post coordinates of places on Earth fit; the readers reject others"
-        )]
-        (
-            (self.origin - beyond).ceil() as i32,
-            (last + beyond).floor() as i32,
-        )
-    }
-
-    /// Where a post it covers lies among the samples.
-    #[must_use]
-    pub fn place(&self, post: i32) -> Place {
-        #[expect(clippy::cast_precision_loss, reason = "far below 2^52")]
-        let last = (self.count.max(1) - 1) as f64;
-        let along = ((f64::from(post) - self.origin) / self.step).clamp(0.0, last);
-        let along = if (along - along.round()).abs() * self.step.max(1.0) < ON_POST {
-            along.round()
-        } else {
-            along
-        };
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "clamped to the samples"
-        )]
-        let index = along.floor() as usize;
-        Place {
-            index,
-            fraction: along - along.floor(),
-        }
-    }
-}
-
-/// How a raster lies on a grid.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Placement {
-    /// Along a row of samples.
-    pub east: Axis,
-    /// Down a column; its post coordinates are minus the rows of the grid.
-    pub south: Axis,
-}
-
-impl Placement {
-    /// Whether every sample stands on a post, and every post between them has one: the raster is copied.
-    #[must_use]
-    pub fn is_copy(&self) -> bool {
-        let one = |a: &Axis| a.on_posts && (a.step - 1.0).abs() < 1e-9;
-        one(&self.east) && one(&self.south)
-    }
-
-    /// The posts of a grid that it covers: none beyond the poles, and from 180 W to 180 E if it goes all around.
-    #[must_use]
-    pub fn rect(&self, grid: Grid) -> PostRect {
-        let (mut west, mut east) = self.east.posts();
-        if east - west > grid.posts_around() {
-            (west, east) = (-grid.posts_around() / 2, grid.posts_around() / 2);
-        }
-        let (north, south) = self.south.posts();
-        PostRect {
-            south: (-south).max(-grid.row_max()),
-            west,
-            north: (-north).min(grid.row_max()),
-            east,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::terrain::grid::Grid;
+    use crate::terrain::pack::PostRect;
+    use crate::terrain::placement::{Place, Placement};
 
     const GRID: Grid = Grid {
         posts_per_degree: 1200,
@@ -401,19 +277,26 @@ mod tests {
             geometry: Geometry {
                 columns: 3,
                 rows: 2,
-                west_deg,
-                north_deg,
-                step_east_deg: step_deg,
-                step_south_deg: step_deg,
+                west: west_deg,
+                north: north_deg,
+                step_east: step_deg,
+                step_south: step_deg,
+                crs: Crs::Geographic,
             },
             samples: Samples::Whole(vec![10, 20, 30, 40, 50, i16::MIN]),
         }
     }
 
+    fn spot(placement: &Placement, i: i32, j: i32) -> Option<Spot> {
+        let mut spots = Vec::new();
+        placement.spots(j, i..=i, &mut spots);
+        spots[0]
+    }
+
     #[test]
     fn samples_on_posts_are_copied() {
         let r = raster(0.000_833_333_3, 14.0, 51.0);
-        let p = r.geometry.placement(GRID);
+        let p = Placement::new(&r.geometry, GRID);
         assert!(
             p.is_copy(),
             "a spacing rounded to ten digits is still 3 arc seconds"
@@ -427,7 +310,7 @@ mod tests {
                 east: 16_802
             }
         );
-        let height = |i, j: i32| r.height_m(p.east.place(i), p.south.place(-j));
+        let height = |i, j| r.height_m(spot(&p, i, j)?);
         assert_eq!(
             height(16_801, 61_200),
             Some(20.0),
@@ -445,8 +328,8 @@ mod tests {
     fn samples_between_posts_are_interpolated_and_voids_spread_no_further_than_they_reach() {
         // Twice the spacing of the grid: every second post is a sample.
         let r = raster(2.0 / 1200.0, 0.0, 0.0);
-        let p = r.geometry.placement(GRID);
-        let height = |i, j: i32| r.height_m(p.east.place(i), p.south.place(-j));
+        let p = Placement::new(&r.geometry, GRID);
+        let height = |i, j| r.height_m(spot(&p, i, j)?);
         assert!(!p.is_copy());
         assert_eq!(height(1, 0), Some(15.0), "halfway east");
         assert_eq!(height(1, -1), Some(30.0), "the mean of four");
@@ -458,7 +341,7 @@ mod tests {
     fn cells_off_the_posts_cover_their_outline() {
         // Pixel-is-area 3 arc seconds: centres half a spacing inside the degree.
         let half = 0.5 / 1200.0;
-        let p = raster(1.0 / 1200.0, half, -half).geometry.placement(GRID);
+        let p = Placement::new(&raster(1.0 / 1200.0, half, -half).geometry, GRID);
         assert_eq!(
             p.rect(GRID),
             PostRect {
@@ -469,19 +352,19 @@ mod tests {
             }
         );
         assert_eq!(
-            p.east.place(0),
-            Place {
+            spot(&p, 0, 0).map(|s| s.east),
+            Some(Place {
                 index: 0,
                 fraction: 0.0
-            },
+            }),
             "its outer edge takes the outermost sample"
         );
         assert_eq!(
-            p.east.place(1),
-            Place {
+            spot(&p, 1, 0).map(|s| s.east),
+            Some(Place {
                 index: 0,
                 fraction: 0.5
-            }
+            })
         );
     }
 
@@ -495,10 +378,11 @@ mod tests {
             geometry: Geometry {
                 columns,
                 rows,
-                west_deg: f64::from(west_deg),
-                north_deg: if on_poles { 90.0 } else { 75.0 },
-                step_east_deg: 30.0,
-                step_south_deg: 30.0,
+                crs: Crs::Geographic,
+                west: f64::from(west_deg),
+                north: if on_poles { 90.0 } else { 75.0 },
+                step_east: 30.0,
+                step_south: 30.0,
             },
             samples: Samples::Fractional(samples.collect()),
         }
@@ -510,7 +394,7 @@ mod tests {
             let mut r = global(west_deg, columns, rows);
             let before = r.clone();
             r.close();
-            let p = r.geometry.placement(GRID);
+            let p = Placement::new(&r.geometry, GRID);
             let rect = p.rect(GRID);
             assert_eq!(
                 (rect.south, rect.north),
@@ -520,8 +404,8 @@ mod tests {
             assert_eq!(rect.east - rect.west, GRID.posts_around(), "all around");
             assert_eq!(rect.west, -216_000);
             let height = |i: i32, j: i32| {
-                r.height_m(p.east.place(i), p.south.place(-j))
-                    .expect("no void")
+                let spot = spot(&p, i, j).expect("covered");
+                r.height_m(spot).expect("no void")
             };
             for j in [-108_000, 108_000] {
                 for step in 0..=72 {
@@ -537,12 +421,12 @@ mod tests {
                 height(rect.east, 6000).to_bits()
             );
             // Every sample off the poles is where it was.
-            let old = before.geometry.placement(GRID);
+            let old = Placement::new(&before.geometry, GRID);
             for row in 1..5 {
                 let j = (if rows == 7 { 90 } else { 75 } - 30 * row) * 1200;
                 for column in 0..12 {
                     let i = (west_deg + 30 * column) * 1200;
-                    let want = before.height_m(old.east.place(i), old.south.place(-j));
+                    let want = spot(&old, i, j).and_then(|s| before.height_m(s));
                     let turned = rect.west + (i - rect.west).rem_euclid(GRID.posts_around());
                     assert_eq!(Some(height(turned, j)), want, "{i} {j}");
                 }

@@ -127,6 +127,35 @@ impl Field {
     }
 }
 
+/// Keys of a geographic WGS 84 GeoTIFF: model type, raster type, and others.
+pub(crate) fn geokeys(raster_type: u16, extra: &[[u16; 4]]) -> Field {
+    model_keys(2, raster_type, extra)
+}
+
+/// Keys of a GeoTIFF: model type (1 projected, 2 geographic), raster type (1 areas, 2 points), and others.
+pub(crate) fn model_keys(model_type: u16, raster_type: u16, extra: &[[u16; 4]]) -> Field {
+    let mut keys = vec![[1024, 0, 1, model_type], [1025, 0, 1, raster_type]];
+    keys.extend(extra);
+    let count = u16::try_from(keys.len()).expect("few");
+    Field::shorts(
+        34_735,
+        &[&[1, 1, 0, count], keys.concat().as_slice()].concat(),
+    )
+}
+
+/// Fields of a picture of one band: size, bits and format (1 unsigned, 2 signed, 3 float) of a sample.
+pub(crate) fn picture(columns: u32, rows: u32, bits: u16, format: u16) -> Vec<Field> {
+    vec![
+        Field::longs(256, &[columns]),
+        Field::longs(257, &[rows]),
+        Field::shorts(258, &[bits]),
+        Field::shorts(259, &[1]),
+        Field::shorts(262, &[1]),
+        Field::shorts(277, &[1]),
+        Field::shorts(339, &[format]),
+    ]
+}
+
 /// A little-endian TIFF (TIFF 6.0, section 2): header, the chunks of the picture, the directory, its longer values. The
 /// chunks' offsets and lengths are put under the tags `offsets` and `lengths`.
 pub(crate) fn tiff(chunks: &[Vec<u8>], offsets: u16, lengths: u16, fields: Vec<Field>) -> Vec<u8> {

@@ -7,7 +7,7 @@
 mod reader;
 mod sources;
 
-pub use sources::{Endpoint, SourceWish};
+pub use sources::{Endpoint, SourceWish, decoder};
 
 use crate::app::error::{Failure, Kind};
 use crate::app::picture::Size;

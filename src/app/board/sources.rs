@@ -76,10 +76,7 @@ impl SourceWish {
     /// A fresh decoder of what it speaks.
     #[must_use]
     pub fn decoder(&self) -> Box<dyn Decoder> {
-        match self.layout.as_deref().map(Layout::parse) {
-            Some(Ok(layout)) => Box::new(FgGeneric::new(layout)),
-            _ => self.protocol.decoder(),
-        }
+        decoder(self.protocol, self.layout.as_deref())
     }
 
     /// Whether both would hear the same: two of the same sender prove nothing about each other, and neither two sockets nor
@@ -93,6 +90,15 @@ impl SourceWish {
             }
             _ => false,
         }
+    }
+}
+
+/// A fresh decoder of a protocol; `layout`: the text of FlightGear's protocol file, for fg-generic, which has been tried.
+#[must_use]
+pub fn decoder(protocol: Protocol, layout: Option<&str>) -> Box<dyn Decoder> {
+    match layout.map(Layout::parse) {
+        Some(Ok(layout)) => Box::new(FgGeneric::new(layout)),
+        _ => protocol.decoder(),
     }
 }
 
