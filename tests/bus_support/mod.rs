@@ -95,6 +95,17 @@ impl Line {
         assert_eq!(sent, bytes.len(), "the line took all bytes");
     }
 
+    /// All that comes from the near end until the program that opened it lets it go.
+    pub(crate) fn receive_all(&self) -> Vec<u8> {
+        let mut all = Vec::new();
+        let mut buffer = [0; 4096];
+        // Hung up, a pseudoterminal says that there is an error.
+        while let Ok(read) = rustix::io::read(&self.far, &mut buffer) {
+            all.extend(&buffer[..read]);
+        }
+        all
+    }
+
     /// The settings of the near end.
     pub(crate) fn settings(&self) -> rustix::termios::Termios {
         rustix::termios::tcgetattr(&self.far).expect("asked")
