@@ -58,6 +58,7 @@ fn every_command_has_help_with_an_example() {
         &["shot"],
         &["measure", "accuracy"],
         &["measure", "speed"],
+        &["measure", "latency"],
         &["decode"],
         &["record"],
         &["replay"],
@@ -87,7 +88,11 @@ fn wrong_usage_is_one_line() {
     refused(&["run", "--boards", "x"], 2, &["--boards", "--help"]);
     refused(&["shot", "--eye", "1,2"], 2, &["--eye"]);
     refused(&["run", "--seconds", "minus"], 2, &["--seconds"]);
-    refused(&["simulate", "--profile", "demo"], 2, &["--as", "simulate --help"]);
+    refused(
+        &["simulate", "--profile", "demo"],
+        2,
+        &["--as", "simulate --help"],
+    );
 }
 
 #[test]

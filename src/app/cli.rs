@@ -43,7 +43,7 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     Check(check::CheckArgs),
     List(list::ListArgs),
-    /// Measures the terrain, and says how
+    /// Measures terrain and buses, and says how
     #[command(subcommand)]
     Measure(measure::MeasureCommand),
 }

@@ -65,6 +65,14 @@ fn refusal(bind: SocketAddr, source: io::Error) -> BusError {
     }
 }
 
+/// A socket of its own at an address, which waits at most 50 ms for a datagram.
+///
+/// # Errors
+/// When the address is not of this machine, or is taken.
+pub fn bound(bind: SocketAddr) -> Result<UdpSocket, BusError> {
+    bind_socket(bind).map_err(|source| refusal(bind, source))
+}
+
 fn bind_socket(bind: SocketAddr) -> io::Result<UdpSocket> {
     let socket = UdpSocket::bind(bind)?;
     socket.set_read_timeout(Some(WAIT))?;
