@@ -13,7 +13,7 @@ use glasswing::proto::canaerospace::{CanAerospace, IDS, encode, encode_double, e
 use glasswing::proto::capture::CandumpLine;
 use glasswing::proto::{Decoder, Fault};
 use glasswing::sampled::Invalid;
-use glasswing::signal::{CanData, Frame, Parameter, Signal, SourceId, Wire};
+use glasswing::signal::{Frame, Parameter, Signal, SourceId, Wire};
 use glasswing::time::Monotonic;
 use std::f64::consts::{FRAC_PI_2, TAU};
 

@@ -44,12 +44,22 @@ fn layout(v25: bool) -> HashMap<&'static str, usize> {
         ("num_engines", 4, 1),
         ("eng_state", 4, 4),
         ("rpm", 4, 4),
-        ("engine_rest", 4, 4 * 8),
+        ("fuel_flow", 4, 4),
+        ("fuel_px_egt", 4, 8),
+        ("cht", 4, 4),
+        ("mp_osi_tit", 4, 8),
+        ("oil_temp", 4, 4),
+        ("oil_px", 4, 4),
         ("num_tanks", 4, 1),
         ("fuel_quantity", 4, 4),
     ];
     if v25 {
-        fields.extend([("tank_selected", 4, 4), ("tank_figures", 8, 4 * 4)]);
+        fields.extend([
+            ("tank_selected", 4, 4),
+            ("tank_capacity", 8, 4),
+            ("tank_unusable_density", 8, 8),
+            ("tank_level", 8, 4),
+        ]);
     }
     fields.extend([
         ("num_wheels", 4, 1),
@@ -60,7 +70,7 @@ fn layout(v25: bool) -> HashMap<&'static str, usize> {
     let mut offsets = HashMap::new();
     let mut at: usize = 0;
     for (name, size, count) in fields {
-        if name == "tank_figures" {
+        if name == "tank_capacity" {
             // Doubles after 320 bytes: no padding is needed for them to be aligned.
             assert_eq!(at % 8, 0, "aligned");
         }
@@ -411,6 +421,42 @@ fn standing_still_has_no_track_and_no_engine_has_no_speed() {
         Some(Err(Invalid::OutOfRange)),
         "a byte-swapped number of engines is none"
     );
+}
+
+#[test]
+fn what_a_sender_does_not_model_is_not_said() {
+    let mut packet = Packet::flying(25);
+    let engines = [
+        ("agl", 120.0, Parameter::HeightAgl, 120.0),
+        // 8.5 US gallons of 231 cubic inches; 212 degrees Fahrenheit is where water boils.
+        ("fuel_flow", 8.5, Parameter::FuelFlow, 8.5 * 3.785_411_784),
+        ("cht", 212.0, Parameter::CylinderHeadTemperature1, 373.15),
+        ("oil_temp", 32.0, Parameter::OilTemperature, 273.15),
+        ("oil_px", 60.0, Parameter::OilPressure, 60.0 * 68.947_572_9),
+    ];
+    let silent = decode(&mut FgFdm::new(), &packet.bytes);
+    for (field, wire, parameter, expected) in engines {
+        assert_eq!(value(&silent, parameter), None, "{field}");
+        packet.f32(field, wire);
+        let signals = decode(&mut FgFdm::new(), &packet.bytes);
+        assert_near(&signals, parameter, expected);
+        packet.f32(field, f32::NAN);
+        let signals = decode(&mut FgFdm::new(), &packet.bytes);
+        assert_eq!(
+            value(&signals, parameter),
+            Some(Err(Invalid::OutOfRange)),
+            "{field}"
+        );
+        packet.f32(field, wire);
+    }
+    assert_eq!(value(&silent, Parameter::FuelQuantity1), None, "no tank");
+    packet.f64("tank_capacity", 0.106);
+    packet.f64("tank_level", 0.0535);
+    packet.u32("num_engines", 2);
+    let signals = decode(&mut FgFdm::new(), &packet.bytes);
+    assert_near(&signals, Parameter::FuelQuantity1, 53.5);
+    assert_near(&signals, Parameter::SecondEngineSpeed, 0.0);
+    assert_eq!(value(&signals, Parameter::FuelQuantity2), None, "one tank");
 }
 
 #[test]

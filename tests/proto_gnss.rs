@@ -228,6 +228,14 @@ fn gliding_instruments_decode() {
 
 #[test]
 fn levil_attitude_without_a_checksum_is_marked_and_trusted_only_where_something_protects_it() {
+    let heard = nmea("PLARA,12.3,-5.2,271.0");
+    heard.assert_near(Parameter::Roll, 12.3_f64.to_radians());
+    heard.assert_near(Parameter::Pitch, -5.2_f64.to_radians());
+    heard.assert_near(Parameter::HeadingTrue, 271_f64.to_radians());
+    let heard = nmea("APENV1,95,3500,0,0,0,-200,");
+    heard.assert_near(Parameter::IndicatedAirspeed, 95.0 * 1852.0 / 3600.0);
+    heard.assert_near(Parameter::PressureAltitude, 3500.0 * 0.3048);
+    heard.assert_near(Parameter::VerticalSpeed, -200.0 * 0.3048 / 60.0);
     let heard = nmea("RPYL,123,-52,2710,0,31,1020,0");
     heard.assert_near(Parameter::Roll, 12.3_f64.to_radians());
     heard.assert_near(Parameter::Pitch, -5.2_f64.to_radians());

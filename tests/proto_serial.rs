@@ -103,7 +103,10 @@ fn skyview_engine_and_bugs_decode() {
         (29, "086"),
         (35, "274"),
         (38, "128"),
+        (44, "250"),
         (47, "141"),
+        (57, "12345"),
+        (62, "09876"),
         (217, "075"),
     ] {
         line.replace_range(at..at + field.len(), field);
@@ -118,6 +121,9 @@ fn skyview_engine_and_bugs_decode() {
     heard.assert_near(Parameter::FuelQuantity1, 12.8 * 3.785_411_784);
     heard.assert_near(Parameter::BusVoltage1, 14.1);
     heard.assert_near(Parameter::EnginePower, 75.0);
+    heard.assert_near(Parameter::FuelRemaining, 25.0 * 3.785_411_784);
+    heard.assert_near(Parameter::EngineTime, 1234.5);
+    heard.assert_near(Parameter::TachometerTime, 987.6);
     heard.assert_absent(Parameter::FuelQuantity2);
 
     let system = format!("!2212345600271+01231234+012{}", "X".repeat(62));
@@ -165,6 +171,114 @@ fn garmin_cylinders_count_down() {
         heard.assert_near(family[0][cylinder], celsius + 273.15);
     }
     heard.assert_absent(engines::CYLINDER_HEAD_TEMPERATURE[0][2]);
+}
+
+#[test]
+fn garmin_fuel_and_times_decode() {
+    let mut line = format!("=31{}", "_".repeat(214));
+    for (at, field) in [
+        (35, "274"),
+        (38, "128"),
+        (41, "130"),
+        (44, "255"),
+        (47, "141"),
+        (57, "12345"),
+        (62, "09876"),
+    ] {
+        line.replace_range(at..at + field.len(), field);
+    }
+    let heard = one(Protocol::GarminG3x, summed(&line).as_bytes());
+    const GALLON: f64 = 3.785_411_784;
+    heard.assert_near(Parameter::FuelPressure, 27.4 * 68.947_572_931_683_6);
+    heard.assert_near(Parameter::FuelQuantity1, 12.8 * GALLON);
+    heard.assert_near(Parameter::FuelQuantity2, 13.0 * GALLON);
+    heard.assert_near(Parameter::FuelRemaining, 25.5 * GALLON);
+    heard.assert_near(Parameter::BusVoltage1, 14.1);
+    heard.assert_near(Parameter::EngineTime, 1234.5);
+    heard.assert_near(Parameter::TachometerTime, 987.6);
+    heard.assert_absent(Parameter::BusVoltage2);
+}
+
+#[test]
+fn garmin_text_without_a_sum_is_doubtful_and_no_good_frame() {
+    // A line as recorded; the same without a position; one byte less.
+    let line = "@190407000229N4538456W12111406S003+01524W0840S0094U0000\r\n";
+    let none = "@190509182501__________________________________________\r\n";
+    let (heard, counters) = stream(Protocol::GarminG3x, line.as_bytes());
+    assert_eq!((counters.good, counters.ignored), (0, 1));
+    assert_eq!(counters.flow.unchecked, 1);
+    for parameter in [
+        Parameter::Latitude,
+        Parameter::Longitude,
+        Parameter::AltitudeMsl,
+        Parameter::GroundSpeed,
+    ] {
+        assert_eq!(heard.last(parameter), Some(Err(Invalid::Doubtful)));
+    }
+    let (heard, counters) = stream(Protocol::GarminG3x, none.as_bytes());
+    assert_eq!((counters.good, counters.ignored), (0, 1));
+    heard.assert_absent(Parameter::Latitude);
+    let (heard, counters) = stream(Protocol::GarminG3x, line[1..].as_bytes());
+    assert_eq!((counters.good, heard.signals.len()), (0, 0));
+    let (heard, _) = stream(
+        Protocol::GarminG3x,
+        [&line[..40], "\r\n"].concat().as_bytes(),
+    );
+    assert!(heard.signals.is_empty(), "{heard:?}");
+}
+
+/// A packet of MGL's around a payload.
+fn mgl_packet(kind: u8, payload: &[u8]) -> Vec<u8> {
+    let length = u8::try_from(payload.len() - 8).expect("short");
+    let mut packet = vec![5, 2, length, !length, kind, 1, 1, 1];
+    packet.extend(payload);
+    packet.extend(crc_32(&packet[4..]).to_le_bytes());
+    packet
+}
+
+#[test]
+fn mgl_engine_and_bugs_decode() {
+    // Field by field as the specification lists them: engine 2, piston, four exhausts, two heads.
+    let mut payload = vec![2, 0, 4, 2];
+    for word in [
+        2400_i16, 0, 4100, 0, 3300, 85, 98, 0, 0, 0, 0, 0, 284, 0, 9100, 0, 20, 9900, 701, 702,
+        703, 704, 101, 102,
+    ] {
+        payload.extend(word.to_le_bytes());
+    }
+    let heard = one(Protocol::Mgl, &mgl_packet(10, &payload));
+    heard.assert_near(Parameter::SecondEngineSpeed, 2400.0);
+    heard.assert_near(Parameter::SecondOilPressure, 410.0);
+    heard.assert_near(Parameter::SecondFuelPressure, 330.0);
+    heard.assert_near(Parameter::SecondCoolantTemperature, 358.15);
+    heard.assert_near(Parameter::SecondOilTemperature, 371.15);
+    heard.assert_near(Parameter::SecondFuelFlow, 28.4);
+    heard.assert_near(Parameter::SecondManifoldPressure, 910.0);
+    heard.assert_near(Parameter::SecondExhaustGasTemperature1, 974.15);
+    heard.assert_near(Parameter::SecondExhaustGasTemperature4, 977.15);
+    heard.assert_near(Parameter::SecondCylinderHeadTemperature2, 375.15);
+    assert_eq!(heard.last(Parameter::SecondCylinderHeadTemperature3), None);
+    // Counts that do not fit the length, a third engine, a turbine: nothing.
+    payload[2] = 9;
+    let (heard, counters) = stream(Protocol::Mgl, &mgl_packet(10, &payload));
+    assert_eq!((heard.signals.len(), counters.bad(Fault::Short)), (0, 1));
+    payload[2] = 4;
+    for (at, value) in [(0, 3), (1, 1)] {
+        let mut other = payload.clone();
+        other[at] = value;
+        let (heard, counters) = stream(Protocol::Mgl, &mgl_packet(10, &other));
+        assert_eq!((heard.signals.len(), counters.good), (0, 1));
+    }
+    // As recorded: bug 81.0 degrees and 2000 ft, a waypoint at 45.238 N 5.820 E.
+    let navigation = "05 00 01 00 81 00 CC 07 44 06 00 00 00 00 2A 03 D0 07 00 00 5E 00 00 00 D9 3F 7C 00 52 FC 0F 00 8B 0D 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00";
+    let mut payload = hex(navigation);
+    let heard = one(Protocol::Mgl, &mgl_packet(30, &payload));
+    heard.assert_near(Parameter::SelectedHeading, 81_f64.to_radians());
+    heard.assert_near(Parameter::SelectedAltitude, 2000.0 * FOOT);
+    let degrees = 8_142_809.0 / 180_000.0;
+    heard.assert_near(Parameter::WaypointLatitude, f64::to_radians(degrees));
+    payload[0] = 4;
+    one(Protocol::Mgl, &mgl_packet(30, &payload)).assert_absent(Parameter::WaypointLatitude);
 }
 
 #[test]

@@ -68,11 +68,7 @@ fn assert_posts_are(pack: &Pack, cell: &Cell) -> (u32, u32) {
 }
 
 /// Tiles that are baked under emulation too: one of each kind. The others take minutes there and tell nothing new.
-const EMULATED: [&str; 3] = [
-    "N43E007.hgt.zip",
-    "S33W071.tif",
-    "ww_craterlake-elev-16bit-30m.tif",
-];
+const EMULATED: [&str; 2] = ["N43E007.hgt.zip", "ww_craterlake-elev-16bit-30m.tif"];
 
 fn data(name: &str) -> Option<PathBuf> {
     if support::is_emulated() && !EMULATED.contains(&name) {
@@ -153,18 +149,26 @@ fn neighbours_share_their_seam_and_the_order_of_inputs_and_threads_changes_nothi
     let scratch = support::scratch_dir("bake_neighbours");
     let files = ["N50E014.hgt", "N49E015.hgt", "N49E016.hgt"].map(|n| folder.join(n));
     let out = scratch.join("a.pack");
-    let (report, pack) = baked_as(&files, &out, Heights::Egm96, None, 3).expect("sound files");
+    // Emulated, only what lies around the corner where all three meet.
+    let region = support::is_emulated().then_some(Bounds {
+        south_deg: 49.95,
+        west_deg: 14.95,
+        north_deg: 50.05,
+        east_deg: 15.05,
+    });
+    let (report, pack) = baked_as(&files, &out, Heights::Egm96, region, 3).expect("sound files");
     assert!(
         report.seams.is_empty(),
         "the seam is identical: {:?}",
         report.seams
     );
-    for (file, corner) in files.iter().zip([(50, 14), (49, 15), (49, 16)]) {
+    let whole = files.iter().zip([(50, 14), (49, 15), (49, 16)]);
+    for (file, corner) in whole.filter(|_| region.is_none()) {
         assert_posts_are(&pack, &hgt_cell(file, corner.0, corner.1));
     }
     let [a, b, c] = files;
     let other = scratch.join("b.pack");
-    baked_as(&[c, a, b], &other, Heights::Egm96, None, 1).expect("sound files");
+    baked_as(&[c, a, b], &other, Heights::Egm96, region, 1).expect("sound files");
     assert!(
         fs::read(&out).expect("baked") == fs::read(&other).expect("baked"),
         "byte for byte"

@@ -4,20 +4,31 @@ use crate::app::board::{Board, Endpoint, SourceWish};
 use crate::app::cockpit;
 use crate::app::error::Failure;
 use crate::app::out::say;
-use crate::app::{ports, sources};
+use crate::app::{ports, sniff, sources};
 use crate::bus::{BusError, can};
 use std::path::{Path, PathBuf};
+
+/// Where the board file is unless named.
+const BOARD: &str = "/etc/glasswing/board.toml";
 
 /// Finds everything that is wrong with a board file and its devices
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "Opens every device that the file names, for a moment each; stop a running glasswing first.\n\n\
-    Example:\n  glasswing check --board boards/headless.toml"
+    Example:\n  glasswing check --board boards/headless.toml\n  glasswing check --sniff\n  \
+    glasswing check --sniff --on serial:/dev/ttyUSB0 --on udp:4000 --seconds 5"
 )]
 pub struct CheckArgs {
-    /// The board file
-    #[arg(long, value_name = "FILE", default_value = "/etc/glasswing/board.toml")]
-    board: PathBuf,
+    /// The board file [default: /etc/glasswing/board.toml]
+    #[arg(long, value_name = "FILE")]
+    board: Option<PathBuf>,
+    /// Listen instead: name what is spoken where, how surely, at which speed, and print the lines for the board file. Listens
+    /// to the places named with --on, else to those of the board file if --board is given, else to all that `glasswing list`
+    /// finds and to the usual UDP ports
+    #[arg(long)]
+    sniff: bool,
+    #[command(flatten)]
+    listen: sniff::ListenArgs,
 }
 
 /// Runs the command.
@@ -25,8 +36,13 @@ pub struct CheckArgs {
 /// # Errors
 /// Everything that is wrong: keys first; where those are good, terrain, sources and the screen.
 pub fn run(args: CheckArgs) -> Result<(), Vec<Failure>> {
-    let board = Board::load(&args.board)?;
-    say!("{}: every key is good", args.board.display());
+    if args.sniff {
+        let board = args.board.as_deref().map(Board::load).transpose()?;
+        return sniff::run(&args.listen, board.as_ref());
+    }
+    let file = args.board.unwrap_or_else(|| BOARD.into());
+    let board = Board::load(&file)?;
+    say!("{}: every key is good", file.display());
     let mut failures = Vec::new();
     let mut told = |what: String, outcome: Result<String, Failure>| match outcome {
         Ok(good) => say!("{what}: {good}"),

@@ -172,6 +172,12 @@ fn cards() -> Vec<Card> {
     Vec::new()
 }
 
+/// The CAN interfaces of this machine that are switched on.
+pub(super) fn can_names() -> Vec<String> {
+    let all = can_interfaces(Path::new("/sys/class/net")).into_iter();
+    all.filter(|can| can.up).map(|can| can.name).collect()
+}
+
 /// The CAN interfaces among the network interfaces that `net` (`/sys/class/net`) lists, by name.
 fn can_interfaces(net: &Path) -> Vec<Can> {
     /// `ARPHRD_CAN` of `linux/if_arp.h`.

@@ -7,6 +7,7 @@ use crate::app::fly::{self, Every, Plan};
 use crate::app::frames::FrameWriter;
 use crate::app::health::{Health, Pulse};
 use crate::app::intake::Intake;
+use crate::app::links::Links;
 use crate::app::picture::Size;
 use crate::app::record;
 use crate::app::sources::{self, Watch};
@@ -109,6 +110,7 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
     let (mut actions, _input) = listen_to_pilot(board);
     let pulse = Arc::new(Pulse::default());
     let mut watch = Watch::new(&sources);
+    let mut links = Links::new(&sources, Monotonic::read());
     let mut recording = recorder.as_ref().map(RecordingWatch::new);
     let health = Health::start(Arc::clone(&pulse), move || {
         watch.look();
@@ -131,6 +133,7 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
             while let Some(event) = actions.as_mut().and_then(|ring| ring.pop().ok()) {
                 cockpit.act(event.action);
             }
+            cockpit.ui.links = links.look(Monotonic::read());
         },
         |now| intake.step(now),
     )?;

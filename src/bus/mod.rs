@@ -12,11 +12,12 @@ mod error;
 mod figures;
 pub mod input;
 pub mod loopback;
-mod serial;
+pub mod serial;
 mod udp;
 
 pub use error::BusError;
 pub use figures::{BAD_KINDS, Event, Figures, Link, SourceFigures, Tally};
+pub use udp::bound as udp_socket;
 
 use crate::limits::{REPORTS_QUEUED_MAX, SIGNALS_QUEUED_MAX};
 use crate::signal::{Frame, Limit, Report, Signal, Sink, SourceId, Traffic, Wire};

@@ -1,6 +1,6 @@
 //! UDP: one datagram is one frame.
 
-use super::{BusError, Source, SourceFigures, wait_for};
+use super::{BusError, Source, SourceFigures, WAIT, wait_for};
 use crate::limits::DATAGRAM_BYTES_MAX;
 use crate::signal::Wire;
 use crate::time::Monotonic;
@@ -64,6 +64,19 @@ fn refusal(bind: SocketAddr, source: io::Error) -> BusError {
         },
         _ => BusError::Refused { device, source },
     }
+}
+
+/// A socket of its own at an address, which waits at most 50 ms for a datagram.
+///
+/// # Errors
+/// When the address is not of this machine, or is taken.
+pub fn bound(bind: SocketAddr) -> Result<UdpSocket, BusError> {
+    let patient = |socket: UdpSocket| {
+        socket.set_nonblocking(false)?;
+        socket.set_read_timeout(Some(WAIT)).map(|()| socket)
+    };
+    let socket = bind_socket(bind).and_then(patient);
+    socket.map_err(|source| refusal(bind, source))
 }
 
 fn bind_socket(bind: SocketAddr) -> io::Result<UdpSocket> {

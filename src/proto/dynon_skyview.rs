@@ -32,7 +32,7 @@ pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
     StreamDecoder::new(look, take)
 }
 
-fn look(bytes: &[u8], seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     let length = match bytes {
         [b'!', b'1', ..] => Some(ADAHRS_BYTES),
         [b'!', b'2', ..] => Some(SYSTEM_BYTES),
@@ -40,6 +40,14 @@ fn look(bytes: &[u8], seen: usize) -> Look {
         _ => None,
     };
     text_line(bytes, seen, b'!', length)
+}
+
+/// Whether a line with a right sum is of a kind and length that this decoder knows.
+pub(super) fn is_known(line: &[u8]) -> bool {
+    matches!(
+        (line.get(1), line.len()),
+        (Some(b'1'), ADAHRS_BYTES) | (Some(b'2'), SYSTEM_BYTES) | (Some(b'3'), EMS_BYTES)
+    )
 }
 
 fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut dyn Sink) {

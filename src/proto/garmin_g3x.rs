@@ -18,7 +18,7 @@
 use super::emit::{
     Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same, whole,
 };
-use super::framing::{LINE_BYTES_MAX, Look, Piece, is_line_end, text_line};
+use super::framing::{LINE_BYTES_MAX, Look, Piece, at_most, is_line_end, text_line};
 use super::stream::StreamDecoder;
 use super::{Counters, Fault};
 use crate::sampled::Invalid;
@@ -42,7 +42,7 @@ pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
     StreamDecoder::new(look, take)
 }
 
-fn look(bytes: &[u8], seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     if bytes[0] != b'@' {
         let length = match bytes.get(..3) {
             Some(b"=11") => Some(ATTITUDE_BYTES),
@@ -53,12 +53,24 @@ fn look(bytes: &[u8], seen: usize) -> Look {
         };
         return text_line(bytes, seen, b'=', length);
     }
+    let bytes = at_most(bytes, LINE_BYTES_MAX);
     match bytes.iter().position(|b| is_line_end(*b) || *b == b'=') {
         Some(SIMPLE_BYTES) if bytes[SIMPLE_BYTES] != b'=' => Look::Frame(SIMPLE_BYTES),
         Some(end) => Look::Foreign(end),
         None if bytes.len() < LINE_BYTES_MAX => Look::More,
         None => Look::Foreign(bytes.len()),
     }
+}
+
+/// Whether a line with a right sum is of a kind and length that this decoder knows.
+pub(super) fn is_known(line: &[u8]) -> bool {
+    matches!(
+        (line.get(..3), line.len()),
+        (Some(b"=11"), ATTITUDE_BYTES)
+            | (Some(b"=31"), ENGINE_BYTES)
+            | (Some(b"=21"), AIR_BYTES)
+            | (Some(b"=71"), GROUND_BYTES)
+    )
 }
 
 fn take(piece: Piece<'_>, source: SourceId, counters: &mut Counters, sink: &mut dyn Sink) {

@@ -99,7 +99,7 @@ impl Decoder for Gdl90 {
     }
 }
 
-fn look(bytes: &[u8], seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     if bytes[0] != FLAG {
         let n = bytes.iter().position(|b| *b == FLAG).unwrap_or(bytes.len());
         return Look::Foreign(n);

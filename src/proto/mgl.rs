@@ -35,7 +35,7 @@ pub fn decoder() -> StreamDecoder<PACKET_BYTES_MAX> {
     StreamDecoder::new(look, take)
 }
 
-fn look(bytes: &[u8], _seen: usize) -> Look {
+pub(super) fn look(bytes: &[u8], _seen: usize) -> Look {
     match *bytes {
         [5] | [5, 2] | [5, 2, _] => Look::More,
         [5, 2, length, complement, ..] if length == !complement => {

@@ -21,6 +21,7 @@ pub mod gdl90;
 mod gnss;
 pub mod mgl;
 pub mod nmea;
+pub mod sniff;
 pub mod stream;
 pub mod ubx;
 

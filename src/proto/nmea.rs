@@ -2,7 +2,7 @@
 //!
 //! Sources: NMEA 0183 version 4 (GGA, RMC, VTG, GSA, from any talker); Garmin, "Proprietary NMEA 0183 sentences" (PGRMZ, as
 //! FLARM and others use it: pressure altitude); FLARM, "Data Port Interface Control Document", FTD-012 (PFLAU, PFLAA); XCSoar's
-//! device drivers for LXNAV (PLXVF, LXWP0), XCVario (PXCV) and Levil (RPYL).
+//! device drivers for LXNAV (PLXVF, LXWP0), XCVario (PXCV), Larus (PLARA) and Levil (RPYL, APENV1).
 //!
 //! Every sentence with a right checksum is good, whether or not it is read; UBX and RTCM frames between them are ignored.
 //! See [`gnss`](super::gnss) for the framing. A sentence without a checksum is bad, but for RPYL, which Stratux sends without:
@@ -16,7 +16,7 @@
 //! or netto, as its user has set it) and accelerations (signs not published); RPYL's slip. LXWP0's altitude is doubtful: some devices add
 //! the pilot's setting to it. PLXVF has the true one.
 
-use super::emit::{Emit, Field, celsius, compass, date_days, decimal, feet, knots, same};
+use super::emit::{Emit, Field, celsius, compass, date_days, decimal, feet, fpm, knots, same};
 use super::framing::{Framer, Piece};
 use super::gnss::{self, FRAME_BYTES_MAX, Own};
 use super::{Counters, Decoder};
@@ -129,6 +129,7 @@ impl Reader {
             [_, _, b'V', b'T', b'G'] => vtg(&f, &mut out),
             [_, _, b'G', b'S', b'A'] => self.is_flat = gsa(&f, &mut out),
             b"RPYL" => rpyl(&f, &mut out),
+            b"APENV1" => apenv1(&f, &mut out),
             _ => {}
         }
     }
@@ -329,6 +330,11 @@ fn proprietary(f: &Sentence<'_>, out: &mut Emit<'_>) {
             f.put(3, true, Parameter::PressureAltitude, same, out);
         }
         b"PXCV" => pxcv(f, out),
+        b"PLARA" => {
+            f.put(1, true, Parameter::Roll, f64::to_radians, out);
+            f.put(2, true, Parameter::Pitch, f64::to_radians, out);
+            f.put(3, true, Parameter::HeadingTrue, compass, out);
+        }
         b"PFLAU" => pflau(f, out),
         b"PFLAA" => pflaa(f, out),
         _ => {}
@@ -361,6 +367,12 @@ fn rpyl(f: &Sentence<'_>, out: &mut Emit<'_>) {
     put(3, Parameter::HeadingMagnetic, &|x| compass(x * 0.1), out);
     put(5, Parameter::TurnRate, &tenths, out);
     put(6, Parameter::NormalAcceleration, &|x| x * 0.001, out);
+}
+
+fn apenv1(f: &Sentence<'_>, out: &mut Emit<'_>) {
+    f.put(1, true, Parameter::IndicatedAirspeed, knots, out);
+    f.put(2, true, Parameter::PressureAltitude, feet, out);
+    f.put(6, true, Parameter::VerticalSpeed, fpm, out);
 }
 
 /// The aircraft that FLARM warns of most.

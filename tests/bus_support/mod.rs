@@ -8,6 +8,7 @@
 use glasswing::bus::SourceThread;
 use glasswing::signal::SourceId;
 use glasswing::time::Monotonic;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fd::OwnedFd;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use std::process::Command;
@@ -93,6 +94,15 @@ impl Line {
     pub(crate) fn send(&self, bytes: &[u8]) {
         let sent = rustix::io::write(&self.far, bytes).expect("written");
         assert_eq!(sent, bytes.len(), "the line took all bytes");
+    }
+
+    /// Sends bytes if the line has room for any, and says whether it had.
+    pub(crate) fn offer(&self, bytes: &[u8]) -> bool {
+        let mut ready = [PollFd::new(&self.far, PollFlags::OUT)];
+        let now = Timespec::default();
+        let has_room = poll(&mut ready, Some(&now)).is_ok_and(|n| n > 0)
+            && ready[0].revents().contains(PollFlags::OUT);
+        has_room && rustix::io::write(&self.far, bytes).is_ok()
     }
 
     /// The settings of the near end.
