@@ -13,7 +13,8 @@ pub mod signal;
 pub mod time;
 pub mod units;
 
-// L1: wire to samples.
+// L1: wire to samples, and back.
+pub mod bench;
 pub mod bus;
 pub mod proto;
 pub mod recording;

@@ -10,8 +10,8 @@ mod support;
 
 use bus_support::{ID, Vcan, ip, wait_for_frames, wait_until};
 use glasswing::app::intake::Intake;
-use glasswing::app::sources::listen_can;
-use glasswing::bus::{BusError, Event, Link, can};
+use glasswing::app::sources::{self, listen_can};
+use glasswing::bus::{self, BusError, Endpoint, Event, Link, SourceConfig, SourceHandle, can};
 use glasswing::proto::Protocol;
 use glasswing::proto::canaerospace::encode;
 use glasswing::signal::{CanData, Parameter};
@@ -51,6 +51,66 @@ fn frames_through_vcan_become_state() {
         (figures.good, figures.ignored),
         (6, 0),
         "the kernel keeps foreign frames away"
+    );
+}
+
+/// A source that is waited for.
+fn waited_for(endpoint: Endpoint) -> (SourceHandle, Option<BusError>) {
+    let config = SourceConfig {
+        name: "adahrs".into(),
+        id: ID,
+        endpoint,
+    };
+    let decode = sources::decode(Protocol::CanAerospace.decoder(), None);
+    bus::spawn_patiently(config, decode).expect("waited for")
+}
+
+#[test]
+fn an_interface_that_comes_later_is_heard_when_it_is_there() {
+    let (source, refused) = waited_for(Endpoint::Can {
+        interface: "vcangw7".into(),
+        ids: Protocol::CanAerospace.can_ids(),
+    });
+    let refused = refused.expect("not there yet").to_string();
+    assert!(refused.contains("can vcangw7: "), "{refused}");
+    let figures = || source.thread.figures().snapshot();
+    assert_eq!(figures().link, Link::Closed);
+    let Some(vcan) = Vcan::make("vcangw7") else {
+        return;
+    };
+    wait_until("it is opened", || figures().link == Link::Open);
+    let sender = can::Sender::open(vcan.0).expect("opens");
+    let frame = encode(Parameter::Roll, 0.25, 1, 0).expect("encodes");
+    sender.send(&frame).expect("sent");
+    wait_for_frames(&source.thread, 1);
+    assert_eq!(
+        (figures().good, figures().reopened),
+        (1, 0),
+        "opened, not again"
+    );
+}
+
+#[test]
+fn a_whole_bus_is_heard_where_that_is_asked_for() {
+    let Some(vcan) = Vcan::make("vcangw8") else {
+        return;
+    };
+    let (source, refused) = waited_for(Endpoint::WholeCan {
+        interface: vcan.0.into(),
+    });
+    assert!(refused.is_none(), "it is there");
+    let sender = can::Sender::open(vcan.0).expect("opens");
+    let mut frame = encode(Parameter::Roll, 0.25, 1, 0).expect("encodes");
+    for (id, extended) in [(frame.id, false), (0x7FF, false), (0x09F8_0102, true)] {
+        (frame.id, frame.extended) = (id, extended);
+        sender.send(&frame).expect("sent");
+    }
+    wait_for_frames(&source.thread, 3);
+    let figures = source.thread.figures().snapshot();
+    assert_eq!(
+        (figures.good, figures.ignored),
+        (1, 2),
+        "foreign frames come, too"
     );
 }
 

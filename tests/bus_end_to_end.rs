@@ -10,8 +10,8 @@ mod support;
 
 use bus_support::{ID, ip, wait_for_frames, wait_until};
 use glasswing::app::intake::Intake;
-use glasswing::app::sources::{listen, listen_can, listen_udp};
-use glasswing::bus::{BusError, Endpoint, Event, Link, can, loopback};
+use glasswing::app::sources::{self, listen, listen_can, listen_udp};
+use glasswing::bus::{self, BusError, Endpoint, Event, Link, SourceConfig, can, loopback};
 use glasswing::limits::{DATAGRAM_BYTES_MAX, SIGNALS_QUEUED_MAX};
 use glasswing::proto::Protocol;
 use glasswing::proto::canaerospace::encode;
@@ -184,6 +184,38 @@ fn a_port_in_use_is_named() {
     let text = error.to_string();
     assert!(text.contains(&format!("udp {address}")), "{text}");
     assert!(!text.contains('\n'), "one line: {text}");
+}
+
+#[test]
+fn a_port_that_is_held_at_first_is_heard_when_it_is_free() {
+    let holder = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    let bind = holder.local_addr().expect("an address");
+    let config = SourceConfig {
+        name: "sim".into(),
+        id: ID,
+        endpoint: Endpoint::Udp {
+            bind,
+            allow: vec![],
+        },
+    };
+    let decode = sources::decode(Protocol::FgFdm.decoder(), None);
+    let (source, refused) = bus::spawn_patiently(config, decode).expect("waited for");
+    assert!(
+        matches!(refused, Some(BusError::PortInUse { .. })),
+        "{refused:?}"
+    );
+    let figures = || source.thread.figures().snapshot();
+    assert_eq!(figures().link, Link::Closed, "and says so");
+    drop(holder);
+    wait_until("it is opened", || figures().link == Link::Open);
+    let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+    sender.send_to(&packet(0.25), bind).expect("sent");
+    wait_for_frames(&source.thread, 1);
+    assert_eq!(
+        (figures().good, figures().reopened),
+        (1, 0),
+        "opened, not again"
+    );
 }
 
 #[test]

@@ -58,6 +58,7 @@ fn every_command_has_help_with_an_example() {
         &["shot"],
         &["measure", "accuracy"],
         &["measure", "speed"],
+        &["measure", "latency"],
         &["decode"],
         &["record"],
         &["replay"],

@@ -15,6 +15,7 @@ use glasswing::terrain::scene::Settings;
 use glasswing::terrain::surface::{Batch, Damage, Sampler};
 use glasswing::terrain::tables::HeightCode;
 use glasswing::terrain::worker::{Job, Parcel, fill};
+use glasswing::time::Monotonic;
 use glasswing::units::Radians;
 use std::sync::Arc;
 use std::time::Duration;
@@ -39,7 +40,7 @@ fn a_flight_with_a_teleport_allocates_nothing() {
             target.bind();
             gpu.clear([0.0; 4]);
             terrain
-                .frame(&camera, 65_536, &Look::FLIGHT)
+                .frame(&camera, Monotonic::read(), 65_536, &Look::FLIGHT)
                 .expect("a camera");
             sky.draw(&camera, Palette::Day);
             std::thread::park_timeout(Duration::from_millis(2));

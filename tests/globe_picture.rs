@@ -226,7 +226,11 @@ fn it_comes_in_from_20_to_30_km_and_is_alone_above() {
         let eye = Geodetic::from_degrees(20.0, 30.0, height_m);
         let camera = camera(eye, (40.0, -35.0, 0.0), 60.0);
         let begun = Monotonic::read();
-        while !scenery.prepare(&camera, 65_536).expect("a camera").settled {
+        while !scenery
+            .prepare(&camera, Monotonic::read(), 65_536)
+            .expect("a camera")
+            .settled
+        {
             let waited = Monotonic::read().since(begun).unwrap_or_default();
             assert!(waited < Duration::from_secs(120), "settles");
             std::thread::park_timeout(Duration::from_millis(1));
@@ -281,7 +285,9 @@ fn a_climb_into_space_allocates_nothing() {
             let camera = camera(eye, (0.0, -20.0, 0.0), 60.0);
             target.bind();
             gpu.clear([0.0; 4]);
-            scenery.prepare(&camera, 65_536).expect("a camera");
+            scenery
+                .prepare(&camera, Monotonic::read(), 65_536)
+                .expect("a camera");
             scenery.draw(&camera, &Look::FLIGHT, true);
             std::thread::park_timeout(Duration::from_millis(2));
         }

@@ -152,7 +152,7 @@ fn a_camera_that_is_none_is_refused_and_the_last_picture_stays() {
             wrong(good, |c| c.width_px = 0),
             wrong(good, |c| c.height_px = 0),
         ] {
-            let refused = bench.terrain.prepare(&camera, QUOTA).is_err();
+            let refused = bench.step(&camera, QUOTA).is_err();
             // A turn of 1e300 radians is a finite number, and so may be accepted; what is accepted must be drawable.
             assert!(refused || bad.is_finite(), "{camera:?}");
             if refused {

@@ -54,7 +54,7 @@ const VOCABULARY: [&str; 9] = [
 ];
 
 /// What each layer may name beside itself and the vocabulary: a module, or one name in it.
-const MAY_NAME: [(&str, &[&str]); 18] = [
+const MAY_NAME: [(&str, &[&str]); 19] = [
     ("limits", &[]),
     ("time", &[]),
     ("units", &[]),
@@ -67,6 +67,7 @@ const MAY_NAME: [(&str, &[&str]); 18] = [
     ("proto", &[]),
     ("recording", &[]),
     ("bus", &[]),
+    ("bench", &["proto", "state::magnetic"]),
     ("state", &[]),
     ("display", &["state::snapshot", "state::FlightState"]),
     ("draw", &["display"]),

@@ -21,6 +21,7 @@ use glasswing::screen::Screen;
 use glasswing::terrain::clipmap::Shape;
 use glasswing::terrain::pack::Pack;
 use glasswing::terrain::scene::Settings;
+use glasswing::time::Monotonic;
 use glasswing::units::Radians;
 
 mod support;
@@ -91,7 +92,9 @@ impl Stage {
         self.target.bind();
         self.gpu.clear([1.0, 0.0, 1.0, 1.0]);
         let mut drawn = Drawn::default();
-        let shown = self.vision.show(camera, 65_536, &mut drawn);
+        let shown = self
+            .vision
+            .show(camera, Monotonic::read(), 65_536, &mut drawn);
         (shown, drawn)
     }
 

@@ -25,11 +25,11 @@ enum Form {
 
 impl Form {
     fn of(bytes: &[u8], protocol: Option<Protocol>) -> Self {
-        let first = bytes.split(|&b| b == b'\n').take(100).find_map(|line| {
-            let line = CandumpLine::parse(std::str::from_utf8(line).ok()?);
-            (line != CandumpLine::Blank).then_some(line)
+        let mut lines = bytes.split(|&b| b == b'\n').take(100);
+        let is_candump = lines.any(|line| {
+            let line = std::str::from_utf8(line).map(CandumpLine::parse);
+            matches!(line, Ok(CandumpLine::Data(..) | CandumpLine::NoData))
         });
-        let is_candump = matches!(first, Some(CandumpLine::Data(..) | CandumpLine::NoData));
         match protocol.map(Protocol::carriage) {
             Some(Carriage::Can) => Self::Candump,
             Some(Carriage::Packets) => Self::Container,

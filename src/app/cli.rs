@@ -1,7 +1,9 @@
 //! The command line: what the program can be asked to do, and how a failure becomes one line and an exit code.
 
 use crate::app::error::{Failure, Kind};
-use crate::app::{check, decode, demo, list, measure, out, record, replay, run, shot, terrain};
+use crate::app::{
+    check, decode, demo, list, measure, out, record, replay, run, shot, simulate, terrain,
+};
 use clap::{Parser, Subcommand};
 use std::error::Error as StdError;
 use std::io::Write as _;
@@ -38,9 +40,10 @@ enum Command {
     Decode(decode::DecodeArgs),
     Record(record::RecordArgs),
     Replay(replay::ReplayArgs),
+    Simulate(simulate::SimulateArgs),
     Check(check::CheckArgs),
     List(list::ListArgs),
-    /// Measures the terrain, and says how
+    /// Measures terrain and buses, and says how
     #[command(subcommand)]
     Measure(measure::MeasureCommand),
 }
@@ -70,6 +73,7 @@ pub fn main() -> ExitCode {
         Command::Decode(args) => decode::run(args).map_err(|f| vec![f]),
         Command::Record(args) => record::run(args),
         Command::Replay(args) => replay::run(args),
+        Command::Simulate(args) => simulate::run(args).map_err(|f| vec![f]),
         Command::Check(args) => check::run(args),
         Command::List(args) => list::run(args).map_err(|f| vec![f]),
         Command::Measure(command) => measure::run(command).map_err(|f| vec![f]),
@@ -117,7 +121,7 @@ fn wrong_usage(e: &clap::Error) -> Failure {
         .take(2)
         .collect();
     let commands = [
-        "run", "demo", "shot", "decode", "record", "replay", "check", "list",
+        "run", "demo", "shot", "decode", "simulate", "record", "replay", "check", "list",
     ];
     let todo = match asked.first().map(String::as_str) {
         Some("terrain") => "see glasswing terrain --help".to_owned(),

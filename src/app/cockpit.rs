@@ -10,7 +10,10 @@ use crate::app::instruments::{Instruments, InstrumentsError};
 use crate::app::picture::Size;
 use crate::app::vision::{Dress, Shown, Vision};
 use crate::bus::input::Action;
-use crate::display::{BaroSetting, BaroUnit, CameraHeight, Config, Model, Terrain, Ui, VSpeeds};
+use crate::display::{
+    BaroSetting, BaroUnit, CameraHeight, Config, Model, SourceName, Terrain, Ui, VSpeeds,
+    source_name,
+};
 use crate::geo::{Camera, Geodetic};
 use crate::gl::look::Palette;
 use crate::gl::scenery::SceneryError;
@@ -132,7 +135,7 @@ impl Cockpit {
             let shown = match (camera, &mut self.vision) {
                 (Some(camera), Some(vision)) => {
                     vision.dress = Dress::of(&self.ui);
-                    vision.show(&camera, self.quota_texels, &mut drawn)
+                    vision.show(&camera, now, self.quota_texels, &mut drawn)
                 }
                 _ => Shown::off(Terrain::NoCamera),
             };
@@ -165,7 +168,7 @@ impl Cockpit {
     pub fn stream(&mut self, state: &FlightState, now: Monotonic) -> bool {
         let (_, camera) = self.view(state, now);
         match (camera, &mut self.vision) {
-            (Some(camera), Some(vision)) => vision.stream(&camera, self.quota_texels),
+            (Some(camera), Some(vision)) => vision.stream(&camera, now, self.quota_texels),
             _ => true,
         }
     }
@@ -253,6 +256,10 @@ fn config(board: &Board) -> Config {
             vne: marks.vne,
         },
         hfov: board.hfov,
+        source_names: std::array::from_fn(|i| {
+            let named = board.sources.get(i);
+            named.map_or_else(SourceName::new, |source| source_name(&source.name))
+        }),
     }
 }
 

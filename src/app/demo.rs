@@ -5,7 +5,6 @@ use crate::app::board::{Airspeeds, Board};
 use crate::app::cockpit::{self, Cockpit};
 use crate::app::contact;
 use crate::app::error::{Failure, Kind};
-use crate::app::flight::{Day, Flight, Sensors};
 use crate::app::fly::{self, Every, Plan};
 use crate::app::frames::FrameWriter;
 use crate::app::health::Pulse;
@@ -14,6 +13,7 @@ use crate::app::out::say;
 use crate::app::picture::{Effort, Size, write_png};
 use crate::app::run::{seconds, stop_on_signals, with_sources, write_json};
 use crate::app::sources;
+use crate::bench::flight::{Day, Flight, Sensors};
 use crate::bus::{Endpoint, SourceHandle, can, loopback};
 use crate::display::BaroSetting;
 use crate::geo::Geodetic;
@@ -25,6 +25,7 @@ use crate::terrain::pack::Pack;
 use crate::terrain::synth;
 use crate::time::Monotonic;
 use crate::units::{Hectopascals, Knots, Metres};
+use glam::DVec2;
 use serde_json::json;
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -256,6 +257,8 @@ fn flight(pack: &Pack) -> Result<Flight, Failure> {
     let day = Day {
         qnh: QNH,
         undulation: Metres(undulation),
+        wind_mps: DVec2::ZERO,
+        warmer_k: 0.0,
     };
     Flight::along(&line, day).map_err(|e| {
         Failure::new(

@@ -8,6 +8,7 @@ use crate::app::error::{Failure, Kind};
 use crate::app::figures::Histogram;
 use crate::app::frames::{FrameRow, FrameWriter};
 use crate::app::health::Pulse;
+use crate::app::way::Ways;
 use crate::heap;
 use crate::screen::{Screen, ScreenError};
 use crate::signal::Parameter;
@@ -63,6 +64,7 @@ pub struct RunFigures {
     frame_time: Histogram,
     own_time: Histogram,
     ages: [Histogram; AGE_GROUPS.len()],
+    ways: Ways,
     triangles_max: u64,
     triangles_sum: u64,
     draw_calls_max: u32,
@@ -84,6 +86,7 @@ impl RunFigures {
             frame_time: Histogram::new(),
             own_time: Histogram::new(),
             ages: std::array::from_fn(|_| Histogram::new()),
+            ways: Ways::new(),
             triangles_max: 0,
             triangles_sum: 0,
             draw_calls_max: 0,
@@ -130,6 +133,7 @@ impl RunFigures {
             "frame_ms": self.frame_time.to_json(),
             "own_cpu_ms": self.own_time.to_json(),
             "age_at_present_ms": ages,
+            "receive_to_present_ms": self.ways.to_json(),
             "first_frame_ms": ms(self.first_frame),
             "first_terrain_ms": ms(self.first_terrain),
             "triangles": {
@@ -199,6 +203,7 @@ pub fn fly(
                 ages.add(presented.since(at).unwrap_or_default());
             }
         }
+        figures.ways.note(&state, now, presented);
         figures
             .first_frame
             .get_or_insert_with(|| presented.since(started).unwrap_or_default());

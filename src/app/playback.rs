@@ -364,8 +364,12 @@ impl Player {
             (sources::decode(decoder, None), Tally::default())
         };
         self.decoders = self.sources().iter().map(decoder).collect();
-        let ids: Vec<SourceId> = (0..self.decoders.len()).map(id).collect();
-        self.fusion = Fusion::new(&ids);
+        let protocols: Vec<_> = self
+            .sources()
+            .iter()
+            .map(|source| source.protocol)
+            .collect();
+        self.fusion = sources::fusion(protocols);
     }
 
     fn read(&mut self) -> Result<(), Failure> {
@@ -392,8 +396,7 @@ impl Player {
                 source: id(source),
                 wire,
             };
-            let fusion = &mut self.fusion;
-            *tally = decode(frame, &mut |signal| fusion.apply(&signal));
+            *tally = decode(frame, &mut self.fusion);
         }
     }
 }

@@ -1,22 +1,20 @@
 //! `glasswing run`: flies with a board file until told to stop.
 
-use crate::app::board::{Board, SourceWish};
+use crate::app::board::Board;
 use crate::app::cockpit::{self, Cockpit};
 use crate::app::error::{Failure, Kind};
 use crate::app::fly::{self, Every, Plan};
 use crate::app::frames::FrameWriter;
 use crate::app::health::{Health, Pulse};
 use crate::app::intake::Intake;
+use crate::app::links::Links;
 use crate::app::picture::Size;
 use crate::app::record;
 use crate::app::sources::{self, Watch};
 use crate::bus::input::{InputEvent, InputThread};
 use crate::bus::{self, SourceThread};
-use crate::proto::Protocol;
 use crate::recording::{self, Recorder, Report, Tap};
 use crate::screen::Screen;
-use crate::signal::SourceId;
-use crate::state::Fusion;
 use crate::time::Monotonic;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -112,6 +110,7 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
     let (mut actions, _input) = listen_to_pilot(board);
     let pulse = Arc::new(Pulse::default());
     let mut watch = Watch::new(&sources);
+    let mut links = Links::new(&sources, Monotonic::read());
     let mut recording = recorder.as_ref().map(RecordingWatch::new);
     let health = Health::start(Arc::clone(&pulse), move || {
         watch.look();
@@ -134,6 +133,7 @@ fn fly_board(board: &Board, args: RunArgs, started: Monotonic) -> Result<(), Fai
             while let Some(event) = actions.as_mut().and_then(|ring| ring.pop().ok()) {
                 cockpit.act(event.action);
             }
+            cockpit.ui.links = links.look(Monotonic::read());
         },
         |now| intake.step(now),
     )?;
@@ -209,19 +209,14 @@ fn listen(board: &Board, taps: Vec<Tap>) -> Result<(Intake, Vec<SourceThread>), 
     let mut rings = Vec::new();
     let mut reports = Vec::new();
     let mut threads = Vec::new();
-    let mut ids = Vec::new();
     for (i, source) in board.sources.iter().enumerate() {
         let handle = sources::listen_or_wait(board, i, source, taps.next())?;
-        ids.push(handle.thread.id());
         rings.push(handle.signals);
         reports.push(handle.reports);
         threads.push(handle.thread);
     }
-    let tells =
-        |(id, wish): (&SourceId, &SourceWish)| (wish.protocol == Protocol::Gdl90).then_some(*id);
-    let traffic: Vec<_> = ids.iter().zip(&board.sources).filter_map(tells).collect();
-    let fusion = Fusion::new(&ids).with_traffic_from(&traffic);
-    let intake = Intake::new(rings, fusion).with_reports(reports);
+    let protocols = board.sources.iter().map(|wish| wish.protocol);
+    let intake = Intake::new(rings, sources::fusion(protocols)).with_reports(reports);
     Ok((intake, threads))
 }
 
@@ -264,8 +259,16 @@ fn frame_writer(
 /// The figures of a run with those of its sources.
 #[must_use]
 pub fn with_sources(mut figures: Value, threads: &[SourceThread]) -> Value {
-    let rows = threads.iter().map(sources::to_json).collect();
-    figures["sources"] = Value::Array(rows);
+    let mut ways = figures["receive_to_present_ms"].take();
+    let row = |source: &SourceThread| {
+        let mut row = sources::to_json(source);
+        row["receive_to_present_ms"] = ways[usize::from(source.id().0)].take();
+        row
+    };
+    figures["sources"] = threads.iter().map(row).collect();
+    if let Some(figures) = figures.as_object_mut() {
+        figures.remove("receive_to_present_ms");
+    }
     figures
 }
 

@@ -357,7 +357,8 @@ impl Studio {
         let begun = Monotonic::read();
         let (mut frames, mut uploads_texels, mut uploads_bytes) = (0, 0, 0);
         loop {
-            let figures = self.scenery.prepare(camera, QUOTA).map_err(|e| {
+            let now = Monotonic::read();
+            let figures = self.scenery.prepare(camera, now, QUOTA).map_err(|e| {
                 Failure::new(Kind::Usage, "--eye", e, "give finite numbers in range")
             })?;
             frames += 1;
@@ -472,7 +473,7 @@ impl Studio {
         draw_calls
     }
 
-    /// Distances from the eye, metres, rows from the top; +infinity for sky. Where the Earth is in one piece these are of
+    /// Distances from the eye, metres, rows from the top; +infinity for sky; of the one partition that a settled picture has. Where the Earth is in one piece these are of
     /// the ellipsoid.
     #[expect(clippy::cast_possible_truncation, reason = "a PFM holds f32")]
     fn ranges(&self, camera: &Camera) -> Result<Vec<f32>, GlError> {

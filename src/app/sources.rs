@@ -8,7 +8,8 @@ use crate::bus::{
 };
 use crate::proto::{Counters, Decoder, Fault, Protocol};
 use crate::recording::Tap;
-use crate::signal::{SourceId, Wire};
+use crate::signal::{Signal, SourceId, Wire};
+use crate::state::Fusion;
 use serde_json::{Value, json};
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -58,7 +59,7 @@ pub fn record(
         config.endpoint = Endpoint::WholeCan { interface };
     }
     let mut decode = decode(wish.decoder(), tap);
-    let unheard: Decode = Box::new(move |frame, _| decode(frame, &mut |_| ()));
+    let unheard: Decode = Box::new(move |frame, _| decode(frame, &mut |_: Signal| ()));
     wait_with(board, index, wish, config, unheard)
 }
 
@@ -197,6 +198,19 @@ pub fn decode(mut decoder: Box<dyn Decoder>, mut tap: Option<Tap>) -> Decode {
             ignored: counters.ignored,
         }
     })
+}
+
+/// The fusion of sources that speak these protocols, the most trusted first.
+#[must_use]
+pub fn fusion(protocols: impl IntoIterator<Item = Protocol>) -> Fusion {
+    // A board file has at most SOURCES_MAX sources, which fit a byte.
+    let rows = (0..=u8::MAX).map(SourceId).zip(protocols);
+    let (ids, protocols): (Vec<SourceId>, Vec<Protocol>) = rows.unzip();
+    // A receiver of traffic says where nobody is, too, by going on about itself.
+    let rows = ids.iter().zip(protocols);
+    let traffic = rows.filter_map(|(id, protocol)| (protocol == Protocol::Gdl90).then_some(*id));
+    let traffic: Vec<SourceId> = traffic.collect();
+    Fusion::new(&ids).with_traffic_from(&traffic)
 }
 
 /// In the order of [`Fault::ALL`].

@@ -12,6 +12,7 @@ use crate::gl::scenery::{Scenery, SceneryError};
 use crate::terrain::pack::{Bounds, Pack};
 use crate::terrain::scene::{FrameFigures, Settings};
 use crate::terrain::stream::NoTerrain;
+use crate::time::Monotonic;
 use crate::units::{Metres, Radians};
 use std::rc::Rc;
 use std::sync::Arc;
@@ -166,16 +167,23 @@ impl Vision {
         Some(eye.height_ellipsoid - ground)
     }
 
-    /// Streams at most `quota_texels` without drawing. Returns whether every wanted level is there; true too where there
+    /// Streams at most `quota_texels` for a time without drawing. Returns whether every wanted level is there; true too where there
     /// is nothing to wait for.
-    pub fn stream(&mut self, camera: &Camera, quota_texels: usize) -> bool {
-        let figures = self.scenery.prepare(camera, quota_texels);
+    pub fn stream(&mut self, camera: &Camera, now: Monotonic, quota_texels: usize) -> bool {
+        let figures = self.scenery.prepare(camera, now, quota_texels);
         figures.is_ok_and(|figures| figures.settled)
     }
 
-    /// Streams at most `quota_texels`, and draws terrain and sky into the bound target where there is anything to show.
-    pub fn show(&mut self, camera: &Camera, quota_texels: usize, drawn: &mut Drawn) -> Shown {
-        let Ok(figures) = self.scenery.prepare(camera, quota_texels) else {
+    /// Streams at most `quota_texels`, and draws terrain and sky of a time into the bound target where there is anything to
+    /// show. While one partition of the Earth gives way to another, what is said is of the one that comes.
+    pub fn show(
+        &mut self,
+        camera: &Camera,
+        now: Monotonic,
+        quota_texels: usize,
+        drawn: &mut Drawn,
+    ) -> Shown {
+        let Ok(figures) = self.scenery.prepare(camera, now, quota_texels) else {
             return Shown::off(Terrain::NoCamera);
         };
         drawn.upload_bytes = figures.uploads_bytes as u64;

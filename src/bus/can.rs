@@ -267,6 +267,7 @@ pub fn exists(interface: &str) -> bool {
 #[derive(Debug)]
 pub struct Sender {
     socket: CanSocket,
+    is_virtual: bool,
 }
 
 impl Sender {
@@ -276,7 +277,10 @@ impl Sender {
     /// When it is missing or refused.
     pub fn open(interface: &str) -> Result<Self, BusError> {
         let socket = open(interface).map_err(|source| refusal(interface, source))?;
-        Ok(Self { socket })
+        let is_virtual = Path::new("/sys/devices/virtual/net")
+            .join(interface)
+            .exists();
+        Ok(Self { socket, is_virtual })
     }
 
     /// Sends one frame. Sockets of this process receive it too, as all sockets on the interface do.
@@ -295,6 +299,23 @@ impl Sender {
         let frame = id
             .and_then(|id| CanFrame::new(id, can.bytes()))
             .ok_or(Errno::INVAL)?;
+        self.socket.write_frame(&frame)
+    }
+
+    /// Says what a controller would that has left the bus, or has come back: to those who listen on a virtual interface. A
+    /// real controller would send it as a frame of data, so none is given it.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn say_bus_off(&self, is_off: bool) -> io::Result<()> {
+        /// Classes of an error frame (Linux `include/uapi/linux/can/error.h`).
+        const BUS_OFF: u32 = 0x040;
+        const RESTARTED: u32 = 0x100;
+        if !self.is_virtual {
+            return Ok(());
+        }
+        let class = if is_off { BUS_OFF } else { RESTARTED };
+        let frame = CanErrorFrame::new_error(class, &[0; 8]).map_err(|_| Errno::INVAL)?;
         self.socket.write_frame(&frame)
     }
 }

@@ -210,6 +210,12 @@ impl SourceFigures {
         }
     }
 
+    /// Whole, well-formed frames.
+    #[must_use]
+    pub fn good(&self) -> u64 {
+        self.good.load(Ordering::Acquire)
+    }
+
     /// How the device fares.
     #[must_use]
     pub fn link(&self) -> Link {

@@ -12,7 +12,7 @@ mod error;
 mod figures;
 pub mod input;
 pub mod loopback;
-mod serial;
+pub mod serial;
 mod udp;
 
 pub use error::BusError;

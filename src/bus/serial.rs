@@ -89,14 +89,56 @@ impl Source for Port {
     fn open(&mut self) -> Result<(), BusError> {
         // The old one is let go first: it would hold the port against ourselves.
         self.fd = None;
-        self.fd = Some(open(&self.path, self.baud)?);
+        self.fd = Some(open(&self.path, self.baud, OFlags::RDONLY)?);
         Ok(())
     }
 }
 
-fn open(path: &str, baud: u32) -> Result<OwnedFd, BusError> {
+/// Sends bytes on a port: for the bench.
+#[derive(Debug)]
+pub struct Sender {
+    fd: OwnedFd,
+}
+
+impl Sender {
+    /// On the port at `path`, at `baud` bits per second, 8N1.
+    ///
+    /// # Errors
+    /// When it is missing, held by another program, refused, or does not have the speed.
+    pub fn open(path: &str, baud: u32) -> Result<Self, BusError> {
+        let fd = open(path, baud, OFlags::WRONLY)?;
+        Ok(Self { fd })
+    }
+
+    /// Sends all of `bytes`, waiting at most a few times 50 ms for room.
+    ///
+    /// # Errors
+    /// `WouldBlock` when there is no room and nobody takes what is there; what the system says when the port has gone.
+    pub fn send(&self, mut bytes: &[u8]) -> io::Result<()> {
+        let wait = Timespec {
+            tv_sec: 0,
+            tv_nsec: i64::from(WAIT.subsec_nanos()),
+        };
+        while !bytes.is_empty() {
+            match rustix::io::write(&self.fd, bytes) {
+                Ok(written) => bytes = &bytes[written..],
+                Err(Errno::AGAIN) => {
+                    let mut room = [PollFd::new(&self.fd, PollFlags::OUT)];
+                    if poll(&mut room, Some(&wait))? == 0 {
+                        return Err(io::ErrorKind::WouldBlock.into());
+                    }
+                }
+                Err(Errno::INTR) => {}
+                Err(e) => return Err(e.into()),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn open(path: &str, baud: u32, access: OFlags) -> Result<OwnedFd, BusError> {
     // Not blocking: a port whose carrier line is low would otherwise wait for a carrier.
-    let flags = OFlags::RDONLY | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let flags = access | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let fd = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| refusal(path, e))?;
     let mut termios = tcgetattr(&fd).map_err(|e| refusal(path, e))?;
     let held = |e: Errno| BusError::SerialHeld {

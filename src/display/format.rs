@@ -2,7 +2,7 @@
 //!
 //! The only module with feet, knots and degrees of arc behind the decoders. Text is made in fixed buffers.
 
-use super::ui::BaroUnit;
+use super::ui::{BaroUnit, SourceName};
 use crate::angle::wrap_turn;
 use crate::signal::SourceId;
 use crate::units::{
@@ -106,8 +106,37 @@ pub fn tens_of_feet(height: Feet) -> Text {
 
 /// A source by its place in the board file, from 1.
 #[must_use]
-pub fn source_label(source: SourceId) -> Text {
-    text(format_args!("SRC {}", u16::from(source.0) + 1))
+pub fn source_label(source: SourceId) -> SourceName {
+    let mut out = SourceName::new();
+    if write!(out, "SRC {}", u16::from(source.0) + 1).is_err() {
+        out.clear();
+    }
+    out
+}
+
+/// A temperature in whole degrees Celsius.
+#[must_use]
+pub fn celsius(temperature: f64) -> Text {
+    mark(whole(temperature))
+}
+
+/// A distance in nautical miles: to a tenth below ten, whole from there on.
+#[must_use]
+pub fn nautical_miles(distance: f64) -> Text {
+    if distance < 9.95 {
+        text(format_args!("{distance:.1}"))
+    } else {
+        text(format_args!("{}", whole(distance)))
+    }
+}
+
+/// How much higher another aircraft is, in hundreds of feet with its sign; level is `00`.
+#[must_use]
+pub fn hundreds_above(above: Feet) -> Text {
+    match whole(above.0 / 100.0) {
+        0 => text(format_args!("00")),
+        n => text(format_args!("{n:+03}")),
+    }
 }
 
 /// The label of a mark on a tape or ladder.
@@ -136,6 +165,24 @@ pub fn baro(setting: Hectopascals, unit: BaroUnit) -> Text {
         BaroUnit::Hectopascals => text(format_args!("{}", whole(setting.0))),
         BaroUnit::InchesOfMercury => text(format_args!("{:.2}", InchesOfMercury::from(setting).0)),
     }
+}
+
+/// How many more there are.
+#[must_use]
+pub fn more(n: usize) -> Text {
+    text(format_args!("+{n} SOURCES"))
+}
+
+/// A limit as a bus gives it.
+#[must_use]
+pub fn bus_limit(speed: Knots) -> Text {
+    text(format_args!("BUS {}", whole(speed.0)))
+}
+
+/// A setting as a source uses it.
+#[must_use]
+pub fn source_setting(setting: Hectopascals, unit: BaroUnit) -> Text {
+    text(format_args!("SRC {}", baro(setting, unit)))
 }
 
 /// The label of a barometric unit.

@@ -4,10 +4,12 @@
 //! which one (with its label), and else why not; it never draws. Feet, knots and degrees of arc appear here for the first
 //! time, through [`mod@format`], and the text of numbers is made only there.
 
+pub mod air;
 pub mod colour;
 pub mod format;
 mod model;
 mod notes;
+pub mod traffic;
 mod ui;
 
 pub use model::{
@@ -15,4 +17,7 @@ pub use model::{
     Model, North, PitchRoll, Slip, SvsOff,
 };
 pub use notes::{NOTES_MAX, Note, NoteKind, Notes};
-pub use ui::{BaroSetting, BaroUnit, Config, Terrain, TerrainCaution, Ui, VSpeeds};
+pub use ui::{
+    BaroSetting, BaroUnit, Config, LinkFault, SourceName, Terrain, TerrainCaution, Ui, VSpeeds,
+    source_name,
+};

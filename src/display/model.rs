@@ -1,7 +1,9 @@
 //! The model: for every field of the display a value with its label, or why there is none.
 
+use super::air::{Absent, Air, air, height_above_ground};
 use super::format;
-use super::notes::{Notes, notes};
+use super::notes::{Notes, Sources, notes};
+use super::traffic::{Traffic, traffic};
 use super::ui::{BaroSetting, BaroUnit, Config, Terrain, TerrainCaution, Ui, VSpeeds};
 use crate::atmosphere::indicated_altitude;
 use crate::geo::Attitude;
@@ -9,7 +11,9 @@ use crate::sampled::Invalid;
 use crate::signal::Parameter as P;
 use crate::state::FlightState;
 use crate::time::Monotonic;
-use crate::units::{Degrees, Feet, FeetPerMinute, Hectopascals, Knots, Metres, Radians};
+use crate::units::{
+    Degrees, Feet, FeetPerMinute, Hectopascals, Knots, Metres, MetresPerSecond, Radians,
+};
 
 /// Pitch and roll.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -183,11 +187,15 @@ pub struct Model {
     pub svs: Result<CameraInputs, SvsOff>,
     /// What is to be said of the terrain, where it is shown.
     pub svs_caution: Option<TerrainCaution>,
-    /// Above the ground: as received, else above the terrain that is drawn; `None` where neither is to be had.
-    pub height_above_ground: Option<Feet>,
+    /// Above the ground: as received, else above the terrain that is drawn.
+    pub height_above_ground: Result<Feet, Absent>,
+    /// What the air does.
+    pub air: Air,
+    /// Other aircraft.
+    pub traffic: Traffic,
     /// What is to be said of values that are shown.
     pub notes: Notes,
-    /// Limiting speeds.
+    /// Limiting speeds: the installer's, and where he gives none those of a bus.
     pub v_speeds: VSpeeds,
     /// The unit of barometric settings.
     pub baro_unit: BaroUnit,
@@ -216,12 +224,10 @@ impl Model {
             _ => true,
         };
         Self {
-            notes: notes(state, now, shown),
-            height_above_ground: state
-                .height(P::HeightAgl, now)
-                .ok()
-                .or(ui.height_above_ground)
-                .map(format::feet),
+            notes: notes(state, now, &Sources { ui, config }, shown),
+            height_above_ground: height_above_ground(state, ui, now),
+            air: air(state, now),
+            traffic: traffic(state, now),
             attitude,
             slip: state.read(P::LateralAcceleration, now).map(|g| Slip {
                 ball_widths: -g / 0.1,
@@ -237,11 +243,35 @@ impl Model {
             track: state.angle(P::Track, now).map(format::direction),
             svs,
             svs_caution: ui.terrain_caution.filter(|_| svs.is_ok()),
-            v_speeds: config.v_speeds,
+            v_speeds: v_speeds(state, config.v_speeds),
             baro_unit: config.baro_unit,
             hfov: config.hfov,
         }
     }
+}
+
+/// The limiting speeds that a bus gives, in the order of [`VSpeeds::all`], each with its name.
+pub(super) const BUS_SPEEDS: [(&str, &str); 5] = [
+    ("VS0", "vs0"),
+    ("VS1", "vs"),
+    ("VFE", "vfe"),
+    ("VNO", "vno"),
+    ("VNE", "vne"),
+];
+
+/// What the installer has given stands; what he has not may come from a bus.
+fn v_speeds(state: &FlightState, given: VSpeeds) -> VSpeeds {
+    let mut all = given.all();
+    for (speed, (_, kind)) in all.iter_mut().zip(BUS_SPEEDS) {
+        *speed = speed.or_else(|| bus_speed(state, kind));
+    }
+    VSpeeds::from_all(all)
+}
+
+/// A limiting speed as a bus gives it.
+pub(super) fn bus_speed(state: &FlightState, kind: &str) -> Option<Knots> {
+    let speed = state.bounds.get(P::IndicatedAirspeed, kind)?;
+    Some(format::knots(MetresPerSecond(speed)))
 }
 
 /// Of several reasons the one that the pilot should know first: disagreement, then failure, then age, then absence.

@@ -1,7 +1,10 @@
 //! What the pilot and the installer have set.
 
 use crate::atmosphere::STANDARD_PRESSURE;
+use crate::limits::SOURCES_MAX;
+use crate::signal::SourceId;
 use crate::units::{Hectopascals, Knots, Metres, Radians};
+use arrayvec::ArrayString;
 
 /// A barometric setting that an altimeter accepts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,7 +85,39 @@ impl TerrainCaution {
     }
 }
 
-/// The state of the pilot's controls.
+/// What is wrong with a source as a whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinkFault {
+    /// Its device is gone, or cannot be opened.
+    Closed,
+    /// Its interface is switched off.
+    Down,
+    /// Its controller has left the bus.
+    BusOff,
+    /// Its controller sees so many errors that it no longer marks them: this station, its wiring or its bit rate.
+    Errors,
+    /// Its device is well, but nothing comes that can be used.
+    Silent,
+}
+
+impl LinkFault {
+    /// What the line says after the source's name.
+    #[must_use]
+    pub const fn label(self) -> &'static str {
+        match self {
+            Self::Closed => "LOST",
+            Self::Down => "DOWN",
+            Self::BusOff => "BUS OFF",
+            Self::Errors => "ERRORS",
+            Self::Silent => "SILENT",
+        }
+    }
+}
+
+/// What a source is called on the display: short, in capitals.
+pub type SourceName = ArrayString<8>;
+
+/// The state of the pilot's controls, and of what the display depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ui {
     /// The setting of the pilot's altimeter.
@@ -101,6 +136,8 @@ pub struct Ui {
     pub grid: bool,
     /// Whether terrain and sky are dimmed for eyes used to the dark.
     pub night: bool,
+    /// What is wrong with each source.
+    pub links: [Option<LinkFault>; SOURCES_MAX],
 }
 
 impl Default for Ui {
@@ -115,6 +152,7 @@ impl Default for Ui {
             awareness: false,
             grid: false,
             night: false,
+            links: [None; SOURCES_MAX],
         }
     }
 }
@@ -134,6 +172,26 @@ pub struct VSpeeds {
     pub vne: Option<Knots>,
 }
 
+impl VSpeeds {
+    /// All five, the slowest first.
+    #[must_use]
+    pub const fn all(self) -> [Option<Knots>; 5] {
+        [self.vs0, self.vs1, self.vfe, self.vno, self.vne]
+    }
+
+    /// From all five in the order of [`Self::all`].
+    #[must_use]
+    pub const fn from_all([vs0, vs1, vfe, vno, vne]: [Option<Knots>; 5]) -> Self {
+        Self {
+            vs0,
+            vs1,
+            vfe,
+            vno,
+            vne,
+        }
+    }
+}
+
 /// What the installer has configured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config {
@@ -143,6 +201,32 @@ pub struct Config {
     pub v_speeds: VSpeeds,
     /// Horizontal field of view of the whole picture, 1 to 170 degrees; terrain, horizon and pitch ladder share it.
     pub hfov: Radians,
+    /// What each source is called, by its id; an empty name is told by its number.
+    pub source_names: [SourceName; SOURCES_MAX],
+}
+
+impl Config {
+    /// What a source is called on the display.
+    #[must_use]
+    pub fn name(&self, source: SourceId) -> SourceName {
+        let name = self.source_names.get(usize::from(source.0));
+        name.filter(|name| !name.is_empty())
+            .copied()
+            .unwrap_or_else(|| super::format::source_label(source))
+    }
+}
+
+/// The beginning of a name in a board file as the display shows it: letters, digits and signs that its font has, in capitals.
+#[must_use]
+pub fn source_name(name: &str) -> SourceName {
+    let mut out = SourceName::new();
+    let shown = name.chars().map(|c| c.to_ascii_uppercase());
+    for c in shown.filter(|c| c.is_ascii_alphanumeric() || "-_./".contains(*c)) {
+        if out.try_push(c).is_err() {
+            break;
+        }
+    }
+    out
 }
 
 impl Default for Config {
@@ -152,6 +236,7 @@ impl Default for Config {
             baro_unit: BaroUnit::Hectopascals,
             v_speeds: VSpeeds::default(),
             hfov: Radians(std::f64::consts::FRAC_PI_3),
+            source_names: [SourceName::new_const(); SOURCES_MAX],
         }
     }
 }

@@ -1,10 +1,10 @@
-//! The heading tape with its window; ground speed, track and height above the ground.
+//! The heading tape with its window.
 
 use super::flags;
 use super::list::Rect;
-use super::pen::{Align, Pass, Pen, bold, px, regular};
+use super::pen::{Align, Pass, Pen, bold, px};
 use crate::angle::shortest_turn;
-use crate::display::colour::{self, Colour};
+use crate::display::colour;
 use crate::display::{Heading, Model, North, format};
 use crate::units::{Degrees, Radians};
 use glam::Vec2;
@@ -120,56 +120,4 @@ fn draw_window(pen: &mut Pen<'_>, window: Rect, tape: Rect, heading: Heading) {
         Align::Left,
         letter,
     );
-}
-
-/// Ground speed and track, under the airspeed tape.
-pub(super) fn draw_ground(pen: &mut Pen<'_>, model: &Model) {
-    let (upper, lower) = (pen.layout.ground_speed, pen.layout.track);
-    match model.ground_speed {
-        Ok(speed) => draw_field(
-            pen,
-            upper,
-            "GS",
-            &format::whole_knots(speed),
-            "KT",
-            colour::SCALE,
-        ),
-        Err(reason) => flags::cover_line(pen, upper, "GS", reason),
-    }
-    match model.track {
-        Ok(track) => draw_field(
-            pen,
-            lower,
-            "TRK",
-            &format::direction_digits(track),
-            "\u{b0}T",
-            colour::TRACK,
-        ),
-        Err(reason) => flags::cover_line(pen, lower, "TRK", reason),
-    }
-}
-
-/// Height above the ground, under the barometric setting; nothing where it is not to be had.
-pub(super) fn draw_height_above_ground(pen: &mut Pen<'_>, model: &Model) {
-    if let Some(height) = model.height_above_ground {
-        let value = format::tens_of_feet(height);
-        let rect = pen.layout.height_above_ground;
-        draw_field(pen, rect, "AGL", &value, "FT", colour::SCALE);
-    }
-}
-
-fn draw_field(pen: &mut Pen<'_>, rect: Rect, name: &str, value: &str, unit: &str, ink: Colour) {
-    pen.field(rect);
-    let y = rect.centre().y;
-    let (label, number) = (regular(10.5, colour::LABEL), bold(12.5, ink));
-    pen.text(
-        name,
-        Vec2::new(rect.min.x + pen.px(7.0), y),
-        Align::Left,
-        label,
-    );
-    // Units stand in a column, so that the figures of both fields end at one place.
-    let column = rect.max.x - pen.px(31.0);
-    pen.text(value, Vec2::new(column, y), Align::Right, number);
-    pen.text(unit, Vec2::new(column + pen.px(6.0), y), Align::Left, label);
 }

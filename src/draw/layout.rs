@@ -35,6 +35,16 @@ pub struct Layout {
     pub altitude_title: Rect,
     /// Barometric setting.
     pub baro: Rect,
+    /// True airspeed.
+    pub true_airspeed: Rect,
+    /// Wind.
+    pub wind: Rect,
+    /// Temperature of the air.
+    pub temperature: Rect,
+    /// Density altitude.
+    pub density_altitude: Rect,
+    /// Other aircraft: a title and a line for each.
+    pub traffic: Rect,
     /// Height above the ground.
     pub height_above_ground: Rect,
     /// Vertical speed scale.
@@ -90,7 +100,12 @@ impl Layout {
             altitude_title: right(186.0, -226.0, 108.0, 24.0),
             altitude: right(186.0, -200.0, 108.0, 400.0),
             baro: right(186.0, 206.0, 108.0, 26.0),
-            height_above_ground: right(186.0, 238.0, 130.0, 24.0),
+            height_above_ground: right(186.0, 234.0, 130.0, 24.0),
+            density_altitude: right(186.0, 260.0, 130.0, 24.0),
+            true_airspeed: left(36.0, 258.0, 116.0, 24.0),
+            wind: left(156.0, 206.0, 112.0, 50.0),
+            temperature: left(156.0, 258.0, 112.0, 24.0),
+            traffic: left(144.0, -146.0, 128.0, 110.0),
             vertical_speed: right(76.0, -150.0, 52.0, 300.0),
             heading: middle(-240.0, 250.0, 480.0, 42.0),
             heading_window: middle(-46.0, 217.0, 92.0, 32.0),
@@ -115,7 +130,7 @@ impl Layout {
 
     /// All rectangles, for checks.
     #[must_use]
-    pub const fn rects(&self) -> [Rect; 15] {
+    pub const fn rects(&self) -> [Rect; 20] {
         [
             self.airspeed_title,
             self.airspeed,
@@ -123,6 +138,11 @@ impl Layout {
             self.altitude,
             self.baro,
             self.height_above_ground,
+            self.density_altitude,
+            self.true_airspeed,
+            self.wind,
+            self.temperature,
+            self.traffic,
             self.vertical_speed,
             self.heading,
             self.heading_window,
@@ -155,7 +175,7 @@ mod tests {
             for (i, a) in rects.iter().enumerate() {
                 assert!(a.min.min_element() >= 0.0, "{w}x{h}: {i} {a:?}");
                 assert!(a.max.cmple(layout.size).all(), "{w}x{h}: {i} {a:?}");
-                for (j, b) in rects[..13].iter().enumerate() {
+                for (j, b) in rects[..18].iter().enumerate() {
                     let apart = a.max.cmple(b.min).any() || b.max.cmple(a.min).any();
                     assert!(i == j || apart, "{w}x{h}: {i} {a:?} on {j} {b:?}");
                 }

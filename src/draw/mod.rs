@@ -9,6 +9,7 @@
 //! heading below, roll scale above. What has no value is covered whole by a flag; no number is left standing.
 
 pub mod atlas;
+mod fields;
 mod flags;
 mod heading;
 mod horizon;
@@ -19,6 +20,7 @@ mod pen;
 mod roll;
 mod sdf;
 mod tape;
+mod traffic;
 mod vsi;
 
 pub use layout::Layout;
@@ -34,14 +36,16 @@ pub fn draw(model: &Model, layout: &Layout, atlas: &Atlas, list: &mut DrawList) 
     list.clear();
     let mut pen = Pen::new(list, atlas, layout);
     horizon::draw(&mut pen, model);
+    traffic::draw_sights(&mut pen, model);
     roll::draw(&mut pen, model);
     horizon::draw_annunciation(&mut pen, model);
     tape::draw_airspeed(&mut pen, model);
     tape::draw_altitude(&mut pen, model);
     vsi::draw(&mut pen, model);
     heading::draw(&mut pen, model);
-    heading::draw_ground(&mut pen, model);
-    heading::draw_height_above_ground(&mut pen, model);
+    fields::draw_ground(&mut pen, model);
+    fields::draw_air(&mut pen, model);
+    traffic::draw_list(&mut pen, model);
     notes::draw(&mut pen, model);
 }
 

@@ -1,9 +1,9 @@
-//! Lines about values that are shown but not to be trusted blindly, one each, beside the attitude: amber, but grey where
-//! nothing was lost.
+//! Lines about values that are shown but not to be trusted blindly, and about sources out of order, one each, beside the
+//! attitude: amber, but grey where nothing was lost.
 
 use super::list::Rect;
 use super::pen::{Align, Pen, bold};
-use crate::display::{Model, NOTES_MAX, NoteKind, colour, format};
+use crate::display::{Model, NOTES_MAX, colour};
 use glam::Vec2;
 
 /// Draws them from the top down; nothing where there are none.
@@ -15,23 +15,17 @@ pub(super) fn draw(pen: &mut Pen<'_>, model: &Model) {
     for note in &model.notes {
         let line = Rect::new(place.min.x, y, place.width(), height).snapped();
         pen.field(line);
-        let (left, right) = (line.min.x + pen.px(7.0), line.max.x - pen.px(7.0));
+        let (left, right) = (line.min.x + pen.px(5.0), line.max.x - pen.px(5.0));
         let middle = line.centre().y;
-        let ink = match note.kind {
-            NoteKind::Miscompare | NoteKind::Fallback(_) => colour::CAUTION,
-            NoteKind::Derived => colour::LABEL,
+        let ink = if note.kind.is_caution() {
+            colour::CAUTION
+        } else {
+            colour::LABEL
         };
-        let style = bold(11.0, ink);
-        pen.text(note.about, Vec2::new(left, middle), Align::Left, style);
-        let at = Vec2::new(right, middle);
-        match note.kind {
-            NoteKind::Miscompare => pen.text("MISCOMP", at, Align::Right, style),
-            NoteKind::Derived => pen.text("DERIVED", at, Align::Right, style),
-            NoteKind::Fallback(source) => {
-                let label = format::source_label(source);
-                pen.text(&label, at, Align::Right, style);
-            }
-        }
+        let style = bold(9.5, ink);
+        pen.text(&note.about, Vec2::new(left, middle), Align::Left, style);
+        let text = note.kind.text(model.baro_unit);
+        pen.text(&text, Vec2::new(right, middle), Align::Right, style);
         y += height;
     }
 }

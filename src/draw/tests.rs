@@ -299,6 +299,7 @@ proptest! {
             baro_unit: if inches { BaroUnit::InchesOfMercury } else { BaroUnit::Hectopascals },
             v_speeds: VSpeeds { vs0, vs1, vfe, vno, vne },
             hfov: Radians::from_degrees(hfov),
+            ..Config::default()
         };
         let mut list = DrawList::new();
         let model = Model::build(&state, &ui, &config, NOW);

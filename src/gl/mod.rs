@@ -162,6 +162,15 @@ impl Gpu {
         }
     }
 
+    /// Clears the bound target's depth alone.
+    pub fn clear_depth(&self) {
+        // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
+        unsafe {
+            self.gl.depth_mask(true);
+            self.gl.clear(glow::DEPTH_BUFFER_BIT);
+        }
+    }
+
     /// Tests depth (nearer wins, equal depths keep what is there) and writes it, or does neither. The depth function is
     /// never changed: mixing directions costs V3D its early rejection for the whole frame.
     pub fn depth_test(&self, on: bool) {

@@ -11,6 +11,7 @@ use super::{GlError, Gpu};
 use crate::geo::Camera;
 use crate::terrain::scene::{BadCamera, FrameFigures, Settings};
 use crate::terrain::surface::TileSource;
+use crate::time::Monotonic;
 
 /// Why it cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -29,6 +30,7 @@ pub enum SceneryError {
 /// Draws a pack and the sky.
 #[derive(Debug)]
 pub struct Scenery {
+    gpu: Rc<Gpu>,
     terrain: TerrainRenderer,
     sky: SkyRenderer,
     globe: GlobeRenderer,
@@ -47,6 +49,7 @@ impl Scenery {
         source: Arc<S>,
     ) -> Result<Self, SceneryError> {
         Ok(Self {
+            gpu: Rc::clone(gpu),
             terrain: TerrainRenderer::new(gpu, settings, Arc::clone(&source))?,
             sky: SkyRenderer::new(gpu)?,
             globe: GlobeRenderer::new(gpu, source)?,
@@ -54,19 +57,24 @@ impl Scenery {
         })
     }
 
-    /// Streams at most about `quota` texels and plans what to draw, without drawing. While the Earth in one piece is not
+    /// Streams at most about `quota` texels and plans what to draw at a time, without drawing. While the Earth in one piece is not
     /// ready, the near terrain serves at any height.
     ///
     /// # Errors
     /// [`BadCamera`]: everything stays as it was.
-    pub fn prepare(&mut self, camera: &Camera, quota: usize) -> Result<FrameFigures, BadCamera> {
+    pub fn prepare(
+        &mut self,
+        camera: &Camera,
+        now: Monotonic,
+        quota: usize,
+    ) -> Result<FrameFigures, BadCamera> {
         if !camera.is_valid() {
             return Err(BadCamera);
         }
         let height = camera.eye.height_ellipsoid;
         self.is_near = height < ALONE_FROM || !self.globe.is_ready();
         let mut figures = if self.is_near {
-            self.terrain.prepare(camera, quota)?
+            self.terrain.prepare(camera, now, quota)?
         } else {
             FrameFigures {
                 settled: true,
@@ -102,6 +110,14 @@ impl Scenery {
             if sky {
                 self.sky.draw(camera, look.palette);
                 calls += 1;
+            }
+            if let Some(opacity) = self.terrain.going() {
+                self.gpu.clear_depth();
+                self.terrain.draw_going(look);
+                if sky {
+                    self.sky.draw_over(camera, look.palette, opacity);
+                    calls += 1;
+                }
             }
         }
         calls + self.globe.draw(camera, look, sky)

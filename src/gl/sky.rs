@@ -56,11 +56,16 @@ impl SkyRenderer {
     }
 
     /// Draws it wherever the bound target's depth is still clear. One draw call. An invalid camera draws nothing.
+    pub fn draw(&self, camera: &Camera, palette: Palette) {
+        self.draw_over(camera, palette, 1.0);
+    }
+
+    /// The same, blended with what is there: `opacity` from 0 to 1.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "numbers for the shader, which is f32"
     )]
-    pub fn draw(&self, camera: &Camera, palette: Palette) {
+    pub fn draw_over(&self, camera: &Camera, palette: Palette, opacity: f64) {
         if !camera.is_valid() {
             return;
         }
@@ -83,11 +88,18 @@ impl SkyRenderer {
             gl.enable(glow::DEPTH_TEST);
             gl.depth_func(glow::LEQUAL);
             gl.depth_mask(false);
-            gl.disable(glow::BLEND);
+            if opacity < 1.0 {
+                gl.enable(glow::BLEND);
+                gl.blend_color(0.0, 0.0, 0.0, opacity as f32);
+                gl.blend_func(glow::CONSTANT_ALPHA, glow::ONE_MINUS_CONSTANT_ALPHA);
+            } else {
+                gl.disable(glow::BLEND);
+            }
         }
         self.corners.draw(Primitive::Triangles, 0, 3);
         // SAFETY: as above.
         unsafe {
+            gl.disable(glow::BLEND);
             gl.depth_mask(true);
             gl.disable(glow::DEPTH_TEST);
         }

@@ -1,5 +1,6 @@
 //! Draws the terrain: the textures of the levels of each [`Scene`] of a [`World`], and one instanced draw for each level of
 //! the scene that is drawn, two for the finest. The caps have a program of their own, with another expression for positions.
+//! While one partition gives way to another there are two scenes in the picture: [`TerrainRenderer::draw_going`].
 //!
 //! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
 //! tables and blocks rotate through three textures and buffers.
@@ -24,11 +25,12 @@ use crate::limits::LEVELS_MAX;
 use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices};
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
-use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
+use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Plan, Scene, Settings};
 use crate::terrain::slices::Slice;
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
+use crate::time::Monotonic;
 use crate::units::Metres;
 
 /// Table textures in rotation: one being written, two that the GPU may still read.
@@ -52,16 +54,88 @@ pub struct TerrainRenderer {
     world: World,
     /// One for each scene.
     textures: ArrayVec<LevelTextures, 2>,
-    tables: [Texture; TABLES],
-    table: usize,
-    /// Scene and version of the tables last written.
-    tabled: Option<(usize, u32)>,
+    plans: ArrayVec<PlanBuffers, 2>,
     geographic: Shaders,
     cap: Option<Shaders>,
+    indices: u32,
+}
+
+/// What the GPU is given of a scene's plan.
+#[derive(Debug)]
+struct PlanBuffers {
+    tables: [Texture; TABLES],
+    table: usize,
+    /// Version of the tables last written.
+    tabled: Option<u32>,
     blocks: Stream,
     region: usize,
     arrays: [VertexArray; super::buffer::STREAM_REGIONS],
-    indices: u32,
+}
+
+impl PlanBuffers {
+    fn new(
+        gpu: &Rc<Gpu>,
+        (levels, texels): (u8, usize),
+        indices: &Buffer,
+    ) -> Result<Self, GlError> {
+        let (rows, columns) = (2 * u32::from(levels), texel(texels));
+        let (filter, wrap) = (Filter::Nearest, Wrap::Clamp);
+        let table = || Texture::new(gpu, Format::Rgba32F, columns, rows, filter, wrap);
+        let array = || VertexArray::numbered(gpu, indices);
+        let blocks = LEVELS_MAX * BLOCKS_MAX * size_of::<Block>();
+        Ok(Self {
+            tables: [table()?, table()?, table()?],
+            table: 0,
+            tabled: None,
+            blocks: Stream::new(gpu, Role::Vertex, blocks)?,
+            region: 0,
+            arrays: [array()?, array()?, array()?],
+        })
+    }
+
+    /// Writes what has changed. Returns the bytes.
+    fn write(&mut self, plan: &Plan) -> usize {
+        let mut bytes = 0;
+        if self.tabled != Some(plan.tables_version) {
+            self.tabled = Some(plan.tables_version);
+            self.table = (self.table + 1) % TABLES;
+            let texels: &[u8] = bytemuck::cast_slice(&plan.tables);
+            self.tables[self.table].write_all(texels);
+            bytes += texels.len();
+        }
+        if !plan.blocks.is_empty() {
+            self.region = self.blocks.write(&plan.blocks);
+            bytes += size_of_val(plan.blocks.as_slice());
+        }
+        bytes
+    }
+
+    /// The vertex array that draws blocks from the `first` on.
+    fn blocks_from(&self, first: usize) -> &VertexArray {
+        let array = &self.arrays[self.region];
+        let first = first * size_of::<Block>();
+        let block = Attribute {
+            location: 0,
+            components: 4,
+            scalar: Scalar::I16Int,
+            offset_bytes: texel(first),
+        };
+        array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
+        array
+    }
+}
+
+/// How a scene goes into the picture.
+#[derive(Clone, Copy, Debug)]
+enum Pass {
+    /// Depth and colour.
+    Whole,
+    /// Depth, and distance for colour.
+    Range,
+    /// Depth alone.
+    Depth,
+    /// Colour where the depth is its own, as opaque as this.
+    Over(f32),
 }
 
 /// The programs of a kind of partition.
@@ -202,43 +276,25 @@ impl TerrainRenderer {
             textures.push(LevelTextures::new(gpu, scene.levels(), texels)?);
         }
         let has_cap = world.scenes().len() > 1;
-        let table = || {
-            let rows = 2 * u32::from(levels);
-            let columns = texel(settings.shape.texels());
-            Texture::new(
-                gpu,
-                Format::Rgba32F,
-                columns,
-                rows,
-                Filter::Nearest,
-                Wrap::Clamp,
-            )
-        };
         let indices = pattern_indices(settings.shape);
         let index_buffer = Buffer::fixed(gpu, Role::Index, &indices)?;
-        let blocks = Stream::new(
-            gpu,
-            Role::Vertex,
-            LEVELS_MAX * BLOCKS_MAX * size_of::<Block>(),
-        )?;
-        let array = || VertexArray::numbered(gpu, &index_buffer);
+        let mut plans = ArrayVec::new();
+        for _ in world.scenes() {
+            let size = (levels, settings.shape.texels());
+            plans.push(PlanBuffers::new(gpu, size, &index_buffer)?);
+        }
         Ok(Self {
-            tables: [table()?, table()?, table()?],
-            table: 0,
-            tabled: None,
             geographic: Shaders::new(gpu, false)?,
             cap: has_cap.then(|| Shaders::new(gpu, true)).transpose()?,
-            arrays: [array()?, array()?, array()?],
-            blocks,
-            region: 0,
             indices: texel(indices.len()),
             gpu: Rc::clone(gpu),
             textures,
+            plans,
             world,
         })
     }
 
-    /// Streams, plans and draws one frame into the bound target, whose depth must be clear: [`Self::prepare`] and
+    /// Streams, plans and draws the frame of a time into the bound target, whose depth must be clear: [`Self::prepare`] and
     /// [`Self::draw`].
     ///
     /// # Errors
@@ -246,57 +302,72 @@ impl TerrainRenderer {
     pub fn frame(
         &mut self,
         camera: &Camera,
+        now: Monotonic,
         quota: usize,
         look: &Look,
     ) -> Result<FrameFigures, BadCamera> {
-        let mut figures = self.prepare(camera, quota)?;
+        let mut figures = self.prepare(camera, now, quota)?;
         self.draw(look);
         figures.draw_calls = self.draw_calls();
         Ok(figures)
     }
 
-    /// Streams at most `quota` texels and plans what to draw, without drawing.
+    /// Streams at most `quota` texels and plans what to draw at a time, without drawing.
     ///
     /// # Errors
     /// [`BadCamera`]: everything stays as it was.
-    pub fn prepare(&mut self, camera: &Camera, quota: usize) -> Result<FrameFigures, BadCamera> {
+    pub fn prepare(
+        &mut self,
+        camera: &Camera,
+        now: Monotonic,
+        quota: usize,
+    ) -> Result<FrameFigures, BadCamera> {
         for textures in &mut self.textures {
             textures.begin_frame();
         }
-        self.world.frame(camera, quota, &mut self.textures)?;
+        self.world.frame(camera, now, quota, &mut self.textures)?;
         let mut figures = self.world.figures();
         figures.resident_bytes = self.resident_bytes();
-        let Some(at) = self.world.drawn_index() else {
-            return Ok(figures);
-        };
-        let plan = self.world.scenes()[at].plan();
-        if self.tabled != Some((at, plan.tables_version)) {
-            self.tabled = Some((at, plan.tables_version));
-            self.table = (self.table + 1) % TABLES;
-            let texels: &[u8] = bytemuck::cast_slice(&plan.tables);
-            self.tables[self.table].write_all(texels);
-            figures.uploads_bytes += texels.len();
-        }
-        if !plan.blocks.is_empty() {
-            self.region = self.blocks.write(&plan.blocks);
-            figures.uploads_bytes += size_of_val(plan.blocks.as_slice());
+        let going = self.world.going().map(|(at, _)| at);
+        for at in self.world.drawn_index().into_iter().chain(going) {
+            figures.uploads_bytes += self.plans[at].write(self.world.scenes()[at].plan());
         }
         Ok(figures)
     }
 
     /// Draws the planned frame into the bound target, whose depth must be clear.
     pub fn draw(&self, look: &Look) {
-        self.draw_with(|shaders| &shaders.colour[look.variant().index()], look);
+        self.draw_scene(self.world.drawn_index(), Pass::Whole, look);
+    }
+
+    /// How opaque the partition that was drawn before the present one still is, above 0 and below 1; `None` where nothing
+    /// of it is left.
+    #[must_use]
+    pub fn going(&self) -> Option<f64> {
+        self.world.going().map(|(_, opacity)| opacity)
+    }
+
+    /// Draws it over what is in the bound target, nothing where [`Self::going`] is `None`. The target's depth must be clear
+    /// again; afterwards it is that partition's. Its depth is laid down first, so that each pixel is blended with the one surface
+    /// that is seen there: a program puts out the same depth twice, bit by bit.
+    #[expect(clippy::cast_possible_truncation, reason = "an opacity for GL")]
+    pub fn draw_going(&self, look: &Look) {
+        let Some((at, opacity)) = self.world.going() else {
+            return;
+        };
+        for pass in [Pass::Depth, Pass::Over(opacity as f32)] {
+            self.draw_scene(Some(at), pass, look);
+        }
     }
 
     /// Draws the planned frame's distances from the eye instead of colours: each pixel's four bytes are those of an f32,
     /// red the lowest, metres. The target must have 8 bits a channel and no multisampling; clear it to
     /// [`RANGE_CLEAR`].
     pub fn draw_range(&self) {
-        self.draw_with(|shaders| &shaders.range, &Look::BARE);
+        self.draw_scene(self.world.drawn_index(), Pass::Range, &Look::BARE);
     }
 
-    /// Ellipsoidal height of the ground at a point, from the finest resident level that covers it.
+    /// Ellipsoidal height of the ground at a point, from the finest resident level of the drawn partition that covers it.
     ///
     /// # Errors
     /// [`NoTerrain`] where nothing covers it, or the pack has no measurement there.
@@ -310,45 +381,49 @@ impl TerrainRenderer {
         self.world.drawn()
     }
 
-    /// Draw calls of the planned frame: one for each slice of depth, see [`crate::terrain::slices`].
+    /// Draw calls of the planned frame: one for each slice of depth, see [`crate::terrain::slices`]; two for each of the
+    /// partition that is going.
     #[must_use]
     pub fn draw_calls(&self) -> usize {
-        self.scene().map_or(0, |scene| {
-            let levels = &scene.plan().levels;
+        let of = |at: usize| -> usize {
+            let levels = &self.world.scenes()[at].plan().levels;
             levels.iter().map(|level| level.slices.len()).sum()
-        })
+        };
+        self.world.drawn_index().map_or(0, of) + 2 * self.world.going().map_or(0, |(at, _)| of(at))
     }
 
     fn resident_bytes(&self) -> usize {
-        let of = |textures: &[Texture]| textures.iter().map(Texture::bytes).sum::<usize>();
         let textures = self.textures.iter().map(LevelTextures::bytes);
         let copies = self.world.scenes().iter().map(|s| s.streamer().bytes());
-        textures.chain(copies).sum::<usize>() + of(&self.tables)
+        let tables = self.plans.iter().flat_map(|plan| &plan.tables);
+        textures
+            .chain(copies)
+            .chain(tables.map(Texture::bytes))
+            .sum()
     }
 
-    fn draw_with(&self, shader_of: impl Fn(&Shaders) -> &Shader, look: &Look) {
-        let Some(at) = self.world.drawn_index() else {
+    fn draw_scene(&self, scene: Option<usize>, pass: Pass, look: &Look) {
+        let Some(at) = scene else {
             return;
         };
-        let scene = &self.world.scenes()[at];
-        let textures = &self.textures[at];
-        let shader = shader_of(match &self.cap {
+        let (scene, textures, buffers) = (
+            &self.world.scenes()[at],
+            &self.textures[at],
+            &self.plans[at],
+        );
+        let shaders = match &self.cap {
             Some(cap) if scene.partition() != Partition::Geographic => cap,
             _ => &self.geographic,
-        });
+        };
+        let shader = match pass {
+            Pass::Range => &shaders.range,
+            Pass::Whole | Pass::Depth | Pass::Over(_) => &shaders.colour[look.variant().index()],
+        };
         let plan = scene.plan();
         shader.program.bind();
-        self.tables[self.table].bind(TABLE);
+        buffers.tables[buffers.table].bind(TABLE);
         self.set_frame(shader, scene, look);
-        let gl = self.gpu.gl();
-        // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
-        unsafe {
-            gl.enable(glow::DEPTH_TEST);
-            gl.depth_func(glow::LESS);
-            gl.depth_mask(true);
-            gl.disable(glow::BLEND);
-            gl.disable(glow::CULL_FACE);
-        }
+        self.begin(pass, plan.is_above_ground);
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
             if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
@@ -358,14 +433,50 @@ impl TerrainRenderer {
             }
             for slice in &level.slices {
                 self.set_slice(shader, slice);
-                let array = self.blocks_from(slice.blocks.0);
+                let array = buffers.blocks_from(slice.blocks.0);
                 array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(slice.blocks.1));
             }
         }
-        // SAFETY: as above.
+        let gl = self.gpu.gl();
+        // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
         unsafe {
             gl.depth_range_f32(0.0, 1.0);
+            gl.depth_func(glow::LESS);
+            gl.depth_mask(true);
+            gl.color_mask(true, true, true, true);
+            gl.disable(glow::BLEND);
             gl.disable(glow::DEPTH_TEST);
+            gl.disable(glow::CULL_FACE);
+        }
+    }
+
+    fn begin(&self, pass: Pass, above_ground: bool) {
+        let gl = self.gpu.gl();
+        // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
+        unsafe {
+            gl.enable(glow::DEPTH_TEST);
+            gl.disable(glow::BLEND);
+            gl.disable(glow::CULL_FACE);
+            // Triangles are counter-clockwise seen from above.
+            if above_ground {
+                gl.enable(glow::CULL_FACE);
+                gl.cull_face(glow::BACK);
+                gl.front_face(glow::CCW);
+            }
+            gl.depth_func(glow::LESS);
+            gl.depth_mask(true);
+            match pass {
+                Pass::Whole | Pass::Range => {}
+                Pass::Depth => gl.color_mask(false, false, false, false),
+                Pass::Over(opacity) => {
+                    // Has no direction, so V3D's early rejection goes on.
+                    gl.depth_func(glow::EQUAL);
+                    gl.depth_mask(false);
+                    gl.enable(glow::BLEND);
+                    gl.blend_color(0.0, 0.0, 0.0, opacity);
+                    gl.blend_func(glow::CONSTANT_ALPHA, glow::ONE_MINUS_CONSTANT_ALPHA);
+                }
+            }
         }
     }
 
@@ -376,20 +487,6 @@ impl TerrainRenderer {
             gl.uniform_2_f32(Some(&shader.depth), slice.depth.0, slice.depth.1);
             gl.depth_range_f32(slice.range.0, slice.range.1);
         }
-    }
-
-    /// The vertex array that draws blocks from the `first` on.
-    fn blocks_from(&self, first: usize) -> &VertexArray {
-        let array = &self.arrays[self.region];
-        let first = first * size_of::<Block>();
-        let block = Attribute {
-            location: 0,
-            components: 4,
-            scalar: Scalar::I16Int,
-            offset_bytes: texel(first),
-        };
-        array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
-        array
     }
 
     #[expect(

@@ -10,7 +10,7 @@
 //! instrument's own clock, which nothing sets: it is not read.
 
 use super::emit::{Columns, Emit, compass, feet, same};
-use super::framing::{LINE_BYTES_MAX, Look, Piece, hex_byte, is_line_end, sum_is_right};
+use super::framing::{LINE_BYTES_MAX, Look, Piece, at_most, hex_byte, is_line_end, sum_is_right};
 use super::stream::StreamDecoder;
 use super::{Counters, Fault};
 use crate::signal::{Parameter, Sink, SourceId};
@@ -31,6 +31,7 @@ pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
     if is_line_end(bytes[0]) {
         return Look::Blank(1);
     }
+    let bytes = at_most(bytes, LINE_BYTES_MAX);
     let is_right = |line: &[u8]| line.len() == LINE_BYTES && sum_is_right(line);
     let whole = bytes.get(..LINE_BYTES).filter(|_| seen < LINE_BYTES);
     if whole.is_some_and(|line| is_right(line) && !line.iter().any(|b| is_line_end(*b))) {

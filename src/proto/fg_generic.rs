@@ -13,7 +13,7 @@
 use super::emit::{
     Emit, Field, celsius, compass, decimal, feet, fpm, inches_of_mercury, knots, same,
 };
-use super::framing::{Framer, Look, Piece, is_line_end};
+use super::framing::{Framer, Look, Piece, at_most, is_line_end};
 use super::{Counters, Decoder, Fault};
 use crate::signal::Parameter as P;
 use crate::signal::{FUEL_QUANTITY, Frame, Parameter, Sink, SourceId, Wire, engines};
@@ -310,6 +310,7 @@ fn look(bytes: &[u8], seen: usize) -> Look {
     if is_line_end(bytes[0]) {
         return Look::Blank(1);
     }
+    let bytes = at_most(bytes, LINE_BYTES_MAX);
     match bytes[seen..].iter().position(|b| is_line_end(*b)) {
         Some(n) => Look::Frame(seen + n),
         None if bytes.len() < LINE_BYTES_MAX => Look::More,

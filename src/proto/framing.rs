@@ -93,13 +93,7 @@ impl<const N: usize> Framer<N> {
             self.buffer[self.end..self.end + n].copy_from_slice(now);
             self.end += n;
             bytes = later;
-            if self.marks.is_full() {
-                if let Some(last) = self.marks.last_mut() {
-                    last.0 = self.end;
-                }
-            } else {
-                self.marks.push((self.end, at));
-            }
+            self.mark(at);
             self.read(&grammar, on);
         }
     }
@@ -168,6 +162,19 @@ impl<const N: usize> Framer<N> {
         self.seen = 0;
     }
 
+    /// Remembers that the bytes at hand have come by `at`.
+    fn mark(&mut self, at: Monotonic) {
+        if self.marks.is_full() {
+            let start = self.start;
+            self.marks.retain(|(end, _)| *end > start);
+        }
+        let is_full = self.marks.is_full();
+        match self.marks.last_mut() {
+            Some(last) if is_full || last.1 == at => last.0 = self.end,
+            _ => self.marks.push((self.end, at)),
+        }
+    }
+
     /// Moves the bytes at hand to the front when there is no room behind them.
     fn make_room(&mut self) {
         if self.start == self.end {
@@ -191,6 +198,7 @@ pub(super) fn text_line(bytes: &[u8], seen: usize, start: u8, length: Option<usi
     if is_line_end(bytes[0]) {
         return Look::Blank(1);
     }
+    let bytes = at_most(bytes, LINE_BYTES_MAX);
     if let Some(line) = length.and_then(|n| bytes.get(..n))
         && seen < line.len()
         && sum_is_right(line)
@@ -214,6 +222,12 @@ pub(super) fn text_line(bytes: &[u8], seen: usize, start: u8, length: Option<usi
     } else {
         Look::Damaged(end, Fault::Checksum)
     }
+}
+
+/// The first of the bytes. A grammar that gives up after so many must not see more: what it says may not depend on how the
+/// stream was cut into reads.
+pub(super) fn at_most(bytes: &[u8], n: usize) -> &[u8] {
+    bytes.get(..n).unwrap_or(bytes)
 }
 
 /// The longest line of text, with room for damage: Dynon's and Garmin's engine lines have 223 and 219 characters.

@@ -18,7 +18,7 @@
 use super::emit::{
     Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same, whole,
 };
-use super::framing::{LINE_BYTES_MAX, Look, Piece, is_line_end, text_line};
+use super::framing::{LINE_BYTES_MAX, Look, Piece, at_most, is_line_end, text_line};
 use super::stream::StreamDecoder;
 use super::{Counters, Fault};
 use crate::sampled::Invalid;
@@ -53,6 +53,7 @@ pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
         };
         return text_line(bytes, seen, b'=', length);
     }
+    let bytes = at_most(bytes, LINE_BYTES_MAX);
     match bytes.iter().position(|b| is_line_end(*b) || *b == b'=') {
         Some(SIMPLE_BYTES) if bytes[SIMPLE_BYTES] != b'=' => Look::Frame(SIMPLE_BYTES),
         Some(end) => Look::Foreign(end),

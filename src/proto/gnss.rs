@@ -6,7 +6,7 @@
 //! that a dollar sign within a binary frame begins no sentence.
 
 use super::Fault;
-use super::framing::{Look, hex_byte, is_line_end};
+use super::framing::{Look, at_most, hex_byte, is_line_end};
 use crc::{CRC_24_LTE_A, Crc};
 
 /// CRC-24Q: the parameters of 3GPP's CRC-24A are the same.
@@ -58,6 +58,12 @@ pub(super) fn look(own: Own, bytes: &[u8], seen: usize) -> Look {
 }
 
 fn sentence(bytes: &[u8], seen: usize) -> Look {
+    let bytes = at_most(bytes, SENTENCE_BYTES_MAX);
+    let undecided = if bytes.len() < SENTENCE_BYTES_MAX {
+        Look::More
+    } else {
+        Look::Damaged(bytes.len(), Fault::Long)
+    };
     let from = seen.max(2);
     let from = if bytes[1..from.min(bytes.len())].contains(&b'*') {
         1
@@ -66,11 +72,7 @@ fn sentence(bytes: &[u8], seen: usize) -> Look {
     };
     let ends = |b: &u8| matches!(b, b'*' | b'$') || !matches!(b, b' '..=b'~');
     let Some(end) = bytes.iter().skip(from).position(ends).map(|n| from + n) else {
-        return if bytes.len() < SENTENCE_BYTES_MAX {
-            Look::More
-        } else {
-            Look::Damaged(bytes.len(), Fault::Long)
-        };
+        return undecided;
     };
     if bytes[end] != b'*' {
         // Levil's and Stratux's attitude comes without a checksum; its decoder marks it.
@@ -83,7 +85,7 @@ fn sentence(bytes: &[u8], seen: usize) -> Look {
         };
     }
     let Some(digits) = bytes.get(end + 1..end + 3) else {
-        return Look::More;
+        return undecided;
     };
     let sum = bytes[1..end].iter().fold(0, |sum, b| sum ^ b);
     match hex_byte(digits) {

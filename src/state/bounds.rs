@@ -18,7 +18,7 @@ impl Bounds {
     };
 
     /// Takes a bound in; one of the same kind stays if its source is trusted more. What does not fit is left.
-    pub(super) fn take(&mut self, limit: &Limit, trust: impl Fn(SourceId) -> usize) {
+    pub fn take(&mut self, limit: &Limit, trust: impl Fn(SourceId) -> usize) {
         let is_same = |row: &Option<Limit>| {
             row.is_some_and(|l| l.parameter == limit.parameter && l.kind == limit.kind)
         };

@@ -5,7 +5,7 @@
 //! (failed before out of range before silent), so that the pilot learns that a sensor has failed rather than that another
 //! was never fitted.
 //!
-//! A good value is no longer one when its sensor has stopped (`frozen`) or other sensors refute it (`crosscheck`). A value
+//! A good value is no longer one when its sensor has stopped (`frozen`), when it has jumped (`jump`) or other sensors refute it (`crosscheck`). A value
 //! that is not from the most trusted source that has been heard of says so ([`FlightState::fallback`]). What is shown is
 //! compared with the other sources (`compare`), and what follows from it is worked out (`derive`).
 //!
@@ -20,6 +20,7 @@ use super::compare::Comparator;
 use super::crosscheck::CrossCheck;
 use super::derive::Deriver;
 use super::frozen::{FLYING_MPS, Stillness};
+use super::jump::Jumps;
 use super::traffic::{FEED_AGE_MAX, Feed, Skies};
 use crate::limits::SOURCES_MAX;
 use crate::sampled::{Invalid, Sampled};
@@ -56,6 +57,7 @@ impl Fusion {
                 order,
                 said: vec![[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
                 stillness: vec![Stillness::new(); SOURCES_MAX],
+                jumps: vec![Jumps::new(); SOURCES_MAX],
                 contradicted: [false; SOURCES_MAX],
                 last: [None; SOURCES_MAX],
                 tells_traffic: [false; SOURCES_MAX],
@@ -109,6 +111,9 @@ impl Fusion {
         if slot.at().is_none_or(|at| signal.at >= at) {
             *slot = Sampled::from_result(signal.value, signal.at);
             self.heard.stillness[source].see(signal.parameter, signal.value.ok(), signal.at);
+            if let Ok(value) = signal.value {
+                self.heard.jumps[source].see(signal.parameter, value, signal.at);
+            }
         }
     }
 
@@ -152,6 +157,7 @@ struct Heard {
     order: ArrayVec<SourceId, SOURCES_MAX>,
     said: Vec<[Sampled<f64>; Parameter::COUNT]>,
     stillness: Vec<Stillness>,
+    jumps: Vec<Jumps>,
     /// Sources whose attitude is refuted.
     contradicted: [bool; SOURCES_MAX],
     /// When each source last said anything.
@@ -255,12 +261,14 @@ impl Heard {
         }
     }
 
-    /// What a source last said, if its sensor has not stopped.
+    /// What a source last said, if its sensor has neither stopped nor jumped.
     fn believed(&self, source: SourceId, parameter: Parameter) -> Sampled<f64> {
         let source = usize::from(source.0);
         let last = self.said[source][parameter.index()];
         if self.stillness[source].is_frozen(parameter) {
             refuted(last, Invalid::Frozen)
+        } else if self.jumps[source].has_jumped(parameter) {
+            refuted(last, Invalid::Implausible)
         } else {
             last
         }
@@ -415,10 +423,10 @@ mod tests {
             (Ok(0.1), Some(A)),
             "fail-over"
         );
-        say(&mut f, B, Parameter::Pitch, Ok(0.3), 1030);
+        say(&mut f, B, Parameter::Pitch, Ok(0.21), 1030);
         assert_eq!(
             shown(&mut f, Parameter::Pitch, 1030),
-            (Ok(0.3), Some(B)),
+            (Ok(0.21), Some(B)),
             "back again"
         );
         assert_eq!(

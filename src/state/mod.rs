@@ -7,6 +7,7 @@ pub mod crosscheck;
 pub mod derive;
 pub mod frozen;
 pub mod fusion;
+pub mod jump;
 mod latch;
 pub mod magnetic;
 pub mod snapshot;

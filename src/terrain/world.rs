@@ -11,6 +11,11 @@
 //! same levels of detail before and after. While the other is not ready the old one goes on, for a degree: 111 km, half an hour of
 //! a light aircraft. An eye that leaps is drawn at once from where it lands, coarse levels first.
 //!
+//! *What is seen of it.* Both have the same ground, but not the same posts of it: their triangles differ by half a metre where
+//! it is rough, which is two pixels on ground 200 m away. The one that goes is therefore drawn over the one that comes,
+//! fainter from frame to frame, for [`FADE`]. Every question about the ground is answered by the one that comes, from the first
+//! of these frames on. After a leap, or where the one that comes is not whole, there is nothing to fade.
+//!
 //! Both caps share a scene, for an eye that sees one never sees the other: half of the memory.
 //!
 //! A pack without posts for the eye's partition draws nothing there, and says so: [`FrameFigures::partition`] is `None`.
@@ -20,10 +25,12 @@ use super::scene::{BadCamera, FrameFigures, Scene, Settings};
 use super::stream::{NoTerrain, Sink};
 use super::surface::{DamageCounts, TileSource};
 use crate::geo::{Camera, Geodetic};
+use crate::time::Monotonic;
 use crate::units::Metres;
 use arrayvec::ArrayVec;
 use std::io;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// An eye within this of the seam has the other partition streamed, degrees of latitude: 6 minutes at 150 m/s.
 const PRELOAD_DEG: f64 = 0.5;
@@ -34,6 +41,18 @@ const REACH_DEG: f64 = 1.0;
 /// An eye that moves more than this in one frame has leapt, degrees of latitude. With the hysteresis less than
 /// [`PRELOAD_DEG`]: who crosses without a leap has been near the seam in the frame before.
 const LEAP_DEG: f64 = 0.2;
+
+/// How long one partition fades into the other: at 5 frames a second a fifth of the difference is seen in one step.
+pub const FADE: Duration = Duration::from_secs(1);
+
+/// A partition's picture on its way out.
+#[derive(Clone, Copy, Debug)]
+struct Going {
+    /// Which scene.
+    scene: usize,
+    /// What is left of it, above 0 and below 1.
+    opacity: f64,
+}
 
 /// See the module.
 #[derive(Debug)]
@@ -46,7 +65,21 @@ pub struct World {
     last: Option<(Partition, f64)>,
     /// Which scene is drawn.
     drawn: Option<usize>,
+    going: Option<Going>,
+    /// When the last frame was.
+    before: Option<Monotonic>,
     figures: FrameFigures,
+}
+
+/// What an eye at a place is to be shown.
+#[derive(Clone, Copy, Debug)]
+struct Choice {
+    /// The partition to draw.
+    drawn: Partition,
+    /// The one to be drawn as soon as that is possible.
+    wanted: Partition,
+    /// Whether the one before may fade.
+    fades: bool,
 }
 
 impl World {
@@ -67,17 +100,21 @@ impl World {
             has: [true, north, south],
             last: None,
             drawn: None,
+            going: None,
+            before: None,
             figures: FrameFigures::default(),
         })
     }
 
-    /// Prepares a frame: streams at most `quota` texels and plans what to draw. `sinks`: one for each of [`Self::scenes`].
+    /// Prepares the frame of a time: streams at most `quota` texels and plans what to draw. `sinks`: one for each of
+    /// [`Self::scenes`].
     ///
     /// # Errors
     /// [`BadCamera`]; everything stays as it was.
     pub fn frame<S: Sink>(
         &mut self,
         camera: &Camera,
+        now: Monotonic,
         quota: usize,
         sinks: &mut [S],
     ) -> Result<(), BadCamera> {
@@ -85,9 +122,12 @@ impl World {
             return Err(BadCamera);
         }
         let latitude_deg = camera.eye.latitude.to_degrees();
-        let (partition, wanted) = self.choose(latitude_deg);
+        let choice = self.choose(latitude_deg);
+        let partition = choice.drawn;
         self.last = Some((partition, latitude_deg));
+        let shown = self.drawn;
         self.drawn = self.index(partition);
+        self.fade(shown, choice.fades, now);
         self.figures = FrameFigures {
             settled: true,
             ..FrameFigures::default()
@@ -102,18 +142,52 @@ impl World {
             Partition::Geographic => Partition::cap(latitude_deg),
             Partition::North | Partition::South => Partition::Geographic,
         };
-        if (near || wanted != partition)
+        if (near || choice.wanted != partition || self.going.is_some())
             && let Some(at) = self.index(other)
         {
             let left = quota.saturating_sub(self.figures.uploads_texels);
-            self.scenes[at].enter(other);
-            self.scenes[at].preload(camera, left, &mut sinks[at]);
-            let figures = self.scenes[at].figures();
+            let (scene, sink) = (&mut self.scenes[at], &mut sinks[at]);
+            scene.enter(other);
+            if self.going.is_some() {
+                scene.frame(camera, left, sink)?;
+            } else {
+                scene.preload(camera, left, sink);
+            }
+            let figures = scene.figures();
             self.figures.uploads_texels += figures.uploads_texels;
             self.figures.uploads_bytes += figures.uploads_bytes;
+            // Its depth is drawn before its colour.
+            self.figures.triangles += 2 * scene.plan().triangles;
+            // Without ground there would be sky over the other's.
+            self.going = self.going.filter(|_| !scene.plan().levels.is_empty());
         }
+        self.figures.settled &= self.going.is_none();
         self.figures.damage = self.damage();
         Ok(())
+    }
+
+    /// Takes what fades a step further. `shown`: the scene of the frame before.
+    fn fade(&mut self, shown: Option<usize>, fades: bool, now: Monotonic) {
+        // A clock that stands still or runs back takes nothing further.
+        let before = self.before.replace(now);
+        let passed = before.and_then(|before| now.since(before));
+        let step = passed.unwrap_or_default().as_secs_f64() / FADE.as_secs_f64();
+        let opacity = match self.going {
+            // Back again: what came goes, from what there was of it.
+            Some(going) if self.drawn == Some(going.scene) => 1.0 - going.opacity,
+            Some(going) => going.opacity,
+            None => 1.0,
+        };
+        let scene = match self.going {
+            _ if !fades => None,
+            _ if shown != self.drawn => shown,
+            Some(going) => Some(going.scene),
+            None => None,
+        };
+        let opacity = opacity - step;
+        self.going = scene
+            .filter(|_| opacity > 0.0 && self.drawn.is_some())
+            .map(|scene| Going { scene, opacity });
     }
 
     /// The scene that is drawn; `None` before the first frame, and where the pack has none for the eye.
@@ -126,6 +200,12 @@ impl World {
     #[must_use]
     pub const fn drawn_index(&self) -> Option<usize> {
         self.drawn
+    }
+
+    /// Which of [`Self::scenes`] is to be drawn over it, and how opaque, above 0 and below 1: the one that was drawn before.
+    #[must_use]
+    pub fn going(&self) -> Option<(usize, f64)> {
+        self.going.map(|going| (going.scene, going.opacity))
     }
 
     /// All scenes: the geographic one, and the cap's if the pack has a cap.
@@ -150,12 +230,17 @@ impl World {
             .and_then(|scene| scene.ground(point))
     }
 
-    /// The partition to draw for an eye at a latitude, and the one that it wants.
-    fn choose(&self, latitude_deg: f64) -> (Partition, Partition) {
+    /// What to draw for an eye at a latitude.
+    fn choose(&self, latitude_deg: f64) -> Choice {
         let last = self.last.filter(|last| self.index(last.0).is_some());
         let wanted = Partition::at(latitude_deg, last.map(|last| last.0));
+        let at_once = Choice {
+            drawn: wanted,
+            wanted,
+            fades: false,
+        };
         let Some((current, before_deg)) = last else {
-            return (wanted, wanted);
+            return at_once;
         };
         let leapt = (latitude_deg - before_deg).abs() > LEAP_DEG;
         let beyond = (latitude_deg.abs() - SEAM_LATITUDE_DEG).abs() > REACH_DEG;
@@ -166,10 +251,21 @@ impl World {
             }
             None => true,
         };
-        if leapt || beyond || is_ready(wanted) {
-            (wanted, wanted)
+        if leapt {
+            at_once
+        } else if wanted == current || is_ready(wanted) {
+            Choice {
+                fades: true,
+                ..at_once
+            }
+        } else if beyond {
+            at_once
         } else {
-            (current, wanted)
+            Choice {
+                drawn: current,
+                wanted,
+                fades: true,
+            }
         }
     }
 

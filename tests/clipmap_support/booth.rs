@@ -49,10 +49,15 @@ impl Booth {
         }
     }
 
+    pub(crate) fn prepare(&mut self, camera: &Camera, quota: usize) -> FrameFigures {
+        let now = Monotonic::read();
+        self.terrain.prepare(camera, now, quota).expect("a camera")
+    }
+
     pub(crate) fn settle(&mut self, camera: &Camera) -> FrameFigures {
         let begun = Monotonic::read();
         loop {
-            let figures = self.terrain.prepare(camera, 65_536).expect("a camera");
+            let figures = self.prepare(camera, 65_536);
             if figures.settled {
                 return figures;
             }

@@ -278,21 +278,19 @@ def the_demonstration_flies_over_the_can_bus(bench):
 
 @check
 def a_can_interface_that_is_not_there_is_named_and_waited_for(bench):
-    """check refuses it; run says it once, flies, and hears it as soon as it is there."""
+    """check refuses it; run says it once, flies, and opens it when it is there (what is heard then: tests/bus_can.rs)."""
     adahrs = source("adahrs", "canaerospace", 'can = "can9"')
     said = refusals(bench, "missing", adahrs)
     demand("source[0].can: can can9: there is no such interface (" in said, said)
     job = bench.guest.start(f"{bench.program} run --board /exchange/missing.toml --seconds 20 --stats /exchange/missing.json")
-    bench.succeed("sleep 3 && ip link add can9 type vcan && ip link set can9 up && sleep 4")
-    until = time.monotonic() + PATIENCE_S
-    while job.code() is None and time.monotonic() < until:
-        bench.succeed("cansend can9 137#0102000740A66666")
+    bench.succeed("sleep 3 && ip link add can9 type vcan && ip link set can9 up")
+    job.wait(PATIENCE_S)
     bench.succeed("ip link delete can9")
     warned = [line for line in job.output().splitlines() if "can can9: there is no such interface" in line]
     demand(job.code() == 0 and len(warned) == 1, f"it ended with {job.code()}:\n{tail(job.output())}")
     with open(bench.keep("missing.json")) as file:
         row = json.load(file)["sources"][0]
-    demand(row["state"] == "open" and row["good"] > 0, f"it is not heard: {json.dumps(row)}")
+    demand(row["state"] == "open", f"it is not open: {json.dumps(row)}")
     return warned[0]
 
 

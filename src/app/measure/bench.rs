@@ -101,12 +101,25 @@ impl Bench {
         }
     }
 
-    /// One frame of streaming and planning.
+    /// One frame of streaming and planning, now.
     ///
     /// # Errors
     /// When the camera is none.
     pub fn step(&mut self, camera: &Camera, quota: usize) -> Result<FrameFigures, Failure> {
-        self.terrain.prepare(camera, quota).map_err(|e| {
+        self.step_at(camera, Monotonic::read(), quota)
+    }
+
+    /// The frame of a time.
+    ///
+    /// # Errors
+    /// When the camera is none.
+    pub fn step_at(
+        &mut self,
+        camera: &Camera,
+        now: Monotonic,
+        quota: usize,
+    ) -> Result<FrameFigures, Failure> {
+        self.terrain.prepare(camera, now, quota).map_err(|e| {
             Failure::new(
                 Kind::Other,
                 "measure",
@@ -134,7 +147,11 @@ impl Bench {
     /// # Errors
     /// With what the GPU refuses.
     pub fn picture(&mut self, camera: &Camera) -> Result<Vec<u8>, Failure> {
-        self.read(camera, [0.0; 4], |terrain| terrain.draw(&Look::BARE))
+        self.read(camera, [0.0; 4], |gpu, terrain| {
+            terrain.draw(&Look::BARE);
+            gpu.clear_depth();
+            terrain.draw_going(&Look::BARE);
+        })
     }
 
     /// Distance from the eye to what each pixel of the planned view shows, metres, rows from the top; infinite for sky.
@@ -142,7 +159,7 @@ impl Bench {
     /// # Errors
     /// With what the GPU refuses.
     pub fn ranges(&mut self, camera: &Camera) -> Result<Vec<f32>, Failure> {
-        let bytes = self.read(camera, RANGE_CLEAR, TerrainRenderer::draw_range)?;
+        let bytes = self.read(camera, RANGE_CLEAR, |_, terrain| terrain.draw_range())?;
         let pixels = bytes.chunks_exact(4);
         Ok(pixels
             .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
@@ -182,12 +199,12 @@ impl Bench {
         &mut self,
         camera: &Camera,
         clear: [f32; 4],
-        draw: impl FnOnce(&TerrainRenderer),
+        draw: impl FnOnce(&Gpu, &TerrainRenderer),
     ) -> Result<Vec<u8>, Failure> {
         let mut pixels = vec![0; camera.width_px as usize * camera.height_px as usize * 4];
         self.bind(camera)?;
         self.gpu.clear(clear);
-        draw(&self.terrain);
+        draw(&self.gpu, &self.terrain);
         self.bind(camera)?.read_rgba(&mut pixels);
         self.gpu.check("while measuring").map_err(|e| refused(&e))?;
         Ok(pixels)

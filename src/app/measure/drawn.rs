@@ -9,6 +9,7 @@ use crate::gl::terrain::record::Vertex;
 use crate::terrain::blocks::{pattern_indices, pattern_numbers};
 use crate::terrain::grid::Grid;
 use crate::terrain::partition::Partition;
+use crate::terrain::scene::LevelPlan;
 use glam::DVec3;
 
 /// Side of the squares that points are sorted into, in finest posts.
@@ -19,7 +20,8 @@ const SQUARE_POSTS: f64 = 8.0;
 pub struct Points {
     points: Vec<Geodetic>,
     ecef: Vec<DVec3>,
-    placed: Option<Placed>,
+    /// In the partition that is drawn, and in the one that was.
+    placed: [Option<Placed>; 2],
 }
 
 /// Points in the posts of a partition.
@@ -67,7 +69,7 @@ impl Points {
         Self {
             points,
             ecef,
-            placed: None,
+            placed: [None, None],
         }
     }
 
@@ -102,45 +104,71 @@ impl Points {
         (off - up * up.dot(off)).length()
     }
 
-    /// The drawn surface at each point; not numbers where no visible block covers it.
+    /// The drawn surface at each point; not numbers where no visible block covers it. While one partition fades into another
+    /// two surfaces are in the picture: the mean of both, weighted by how opaque they are.
     ///
     /// # Errors
     /// With what the GPU refuses.
     pub fn drawn(&mut self, bench: &mut Bench) -> Result<Vec<Drawn>, Failure> {
+        let going = bench.terrain.going();
+        let mut out = self.surface(bench, false)?;
+        let Some(opacity) = going else {
+            return Ok(out);
+        };
+        for (new, old) in out.iter_mut().zip(self.surface(bench, true)?) {
+            new.height_m += (old.height_m - new.height_m) * opacity;
+            new.from_eye_m += (old.from_eye_m - new.from_eye_m) * opacity;
+        }
+        Ok(out)
+    }
+
+    /// Of the partition that is drawn, or of the one that is going.
+    fn surface(&mut self, bench: &mut Bench, going: bool) -> Result<Vec<Drawn>, Failure> {
         let (terrain, recorder) = bench.recorder()?;
         let mut out = vec![Drawn::NOWHERE; self.points.len()];
-        let Some(scene) = terrain.scene() else {
+        let scene = if going {
+            terrain.going_scene()
+        } else {
+            terrain.scene()
+        };
+        let Some(scene) = scene else {
             return Ok(out);
         };
         let shape = scene.settings().shape;
         let anchor_m =
             scene.heights().base_m + scene.heights().unit_m * f64::from(scene.plan().anchor_code);
-        if self.placed.as_ref().map(|p| p.partition) != Some(scene.partition()) {
-            self.placed = Some(Placed::new(&self.points, scene.partition(), scene.grid()));
+        if self.placed[0].as_ref().map(|p| p.partition) != Some(scene.partition()) {
+            self.placed.swap(0, 1);
         }
-        let Some(placed) = &self.placed else {
-            return Ok(out);
+        let placed = match self.placed[0].take() {
+            Some(placed) if placed.partition == scene.partition() => placed,
+            _ => Placed::new(&self.points, scene.partition(), scene.grid()),
         };
+        let placed = &*self.placed[0].insert(placed);
         let indices = pattern_indices(shape);
         let corners = pattern_numbers(shape);
-        terrain
-            .record(recorder, &mut |level, vertices| {
-                let corner = |v: &Vertex| {
-                    let [x, y] = v.cell.map(cells);
-                    DVec3::new(
-                        f64::from((level.window.i + x) << level.level),
-                        f64::from((level.window.j + y) << level.level),
-                        anchor_m + f64::from(v.rise_m),
-                    )
-                };
-                for block in vertices.chunks_exact(corners) {
-                    for t in indices.chunks_exact(3) {
-                        let vertices = [0, 1, 2].map(|k| &block[usize::from(t[k])]);
-                        placed.under(level.level, vertices, vertices.map(corner), &mut out);
-                    }
+        let mut each = |level: &LevelPlan, vertices: &[Vertex]| {
+            let corner = |v: &Vertex| {
+                let [x, y] = v.cell.map(cells);
+                DVec3::new(
+                    f64::from((level.window.i + x) << level.level),
+                    f64::from((level.window.j + y) << level.level),
+                    anchor_m + f64::from(v.rise_m),
+                )
+            };
+            for block in vertices.chunks_exact(corners) {
+                for t in indices.chunks_exact(3) {
+                    let vertices = [0, 1, 2].map(|k| &block[usize::from(t[k])]);
+                    placed.under(level.level, vertices, vertices.map(corner), &mut out);
                 }
-            })
-            .map_err(|e| refused(&e))?;
+            }
+        };
+        let recorded = if going {
+            terrain.record_going(recorder, &mut each)
+        } else {
+            terrain.record(recorder, &mut each)
+        };
+        recorded.map_err(|e| refused(&e))?;
         Ok(out)
     }
 }

@@ -125,8 +125,12 @@ pub struct Flown {
     pub frames: u32,
     /// Points of the ground.
     pub points: usize,
-    /// Frames in which a partition gave way to another.
+    /// How often a partition gave way to another.
     pub seams: u32,
+    /// Frames that showed two partitions.
+    pub fading: u32,
+    /// Most draw calls and triangles of a frame.
+    pub most: (usize, usize),
 }
 
 impl Flown {
@@ -144,6 +148,9 @@ impl Flown {
             "frames": self.frames,
             "points": self.points,
             "seams": self.seams,
+            "fading_frames": self.fading,
+            "draw_calls_max": self.most.0,
+            "triangles_max": self.most.1,
         })
     }
 
@@ -224,21 +231,27 @@ pub fn fly(
     };
     let (mut last, mut partition) = (points.drawn(bench)?, bench.partition());
     let mut pops: Vec<f64> = Vec::new();
+    let mut now = Monotonic::read();
     for frame in 1..=frames {
         let begun = Monotonic::read();
         let camera = path.camera(field, frame);
-        let figures = bench.step(&camera, QUOTA)?;
+        // A slow machine makes no longer steps: frames bear the time of the path.
+        now = now.plus(Duration::from_secs_f64(1.0 / RATE_HZ));
+        let figures = bench.step_at(&camera, now, QUOTA)?;
         out.frames += 1;
+        out.fading += u32::from(bench.terrain.going().is_some());
+        let most = (bench.terrain.draw_calls(), figures.triangles);
+        out.most = (out.most.0.max(most.0), out.most.1.max(most.1));
         out.late += u32::from(figures.levels.map(|l| l.0) != Some(figures.levels_wanted.0));
         out.holes += u32::from(holes(bench, &camera, &figures, flight.lowest_m)? > 0);
-        let now = points.drawn(bench)?;
-        pops.extend(out.compare(&points, &camera, &last, &now));
+        let drawn = points.drawn(bench)?;
+        pops.extend(out.compare(&points, &camera, &last, &drawn));
         if let Some(sheet) = &mut sheet {
             sheet.offer(bench, &camera, frame, frames)?;
         }
         let drawn_in = bench.partition();
         out.seams += u32::from(drawn_in != partition);
-        (last, partition) = (now, drawn_in);
+        (last, partition) = (drawn, drawn_in);
         done(frame, frames);
         let spent = Monotonic::read().since(begun).unwrap_or_default();
         std::thread::park_timeout(Duration::from_secs_f64(1.0 / RATE_HZ).saturating_sub(spent));

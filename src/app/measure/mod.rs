@@ -1,4 +1,4 @@
-//! `glasswing measure`: figures of the terrain, each with how it was obtained.
+//! `glasswing measure`: figures of terrain and buses, each with how it was obtained.
 #![expect(clippy::print_stderr, reason = "the command's notes")]
 
 pub mod accuracy;
@@ -6,6 +6,7 @@ pub mod bench;
 pub mod drawn;
 pub mod flight;
 pub mod flights;
+pub mod latency;
 pub mod plot;
 pub mod poses;
 pub mod position;
@@ -13,6 +14,7 @@ pub mod sheet;
 pub mod speed;
 pub mod surface;
 pub mod table;
+pub mod talk;
 pub mod watertight;
 
 use crate::app::cockpit;
@@ -45,6 +47,11 @@ pub enum MeasureCommand {
     /// How fast it is drawn: frame times, work, triangles, and the error that they buy, for several sizes of level.
     #[command(after_help = "Example:\n  glasswing measure speed --pack andes.pack --plot plots")]
     Speed(SpeedArgs),
+    /// How long a value takes from its receipt to the screen, by source and group, and what a full bus costs.
+    ///
+    /// Through real sockets, a pseudoterminal, vcan0 where that is up, the real threads and a headless screen.
+    #[command(after_help = "Example:\n  glasswing measure latency --json latency.json")]
+    Latency(latency::LatencyArgs),
 }
 
 /// What both commands take.
@@ -160,6 +167,7 @@ fn parse_shape(text: &str) -> Result<Shape, String> {
 /// [`Failure`]: no or a damaged pack (3), no GPU (4), a file that cannot be written (1).
 pub fn run(command: MeasureCommand) -> Result<(), Failure> {
     match command {
+        MeasureCommand::Latency(args) => latency::run(&args),
         MeasureCommand::Accuracy(args) => {
             let effort = accuracy::Effort {
                 only: args.only,

@@ -149,7 +149,7 @@ impl Planner {
         let refused = |e| Failure::new(crate::app::error::Kind::Other, "measure", e, "report this");
         loop {
             self.world
-                .frame(&scene.camera, QUOTA, &mut self.nowhere)
+                .frame(&scene.camera, Monotonic::read(), QUOTA, &mut self.nowhere)
                 .map_err(refused)?;
             if self.world.figures().settled {
                 break;
@@ -161,7 +161,7 @@ impl Planner {
             let camera = moved(&scene.camera, frame, moving);
             let before = cpu(ClockId::ThreadCPUTime);
             self.world
-                .frame(&camera, QUOTA, &mut self.nowhere)
+                .frame(&camera, Monotonic::read(), QUOTA, &mut self.nowhere)
                 .map_err(refused)?;
             times.add(cpu(ClockId::ThreadCPUTime).saturating_sub(before));
             std::thread::park_timeout(Duration::from_millis(2));

@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use super::{LevelPlan, Look, Partition, Shader, TABLE, TerrainRenderer, texel};
+use super::{LevelPlan, Look, Partition, Scene, Shader, TABLE, TerrainRenderer, texel};
 use crate::gl::feedback::Recorder;
 use crate::gl::target::Target;
 use crate::gl::{GlError, Gpu};
@@ -66,17 +66,44 @@ impl TerrainRenderer {
         with: &VertexRecorder,
         each: &mut dyn FnMut(&LevelPlan, &[Vertex]),
     ) -> Result<(), GlError> {
-        let Some(at) = self.world.drawn_index() else {
+        self.record_scene(self.world.drawn_index(), with, each)
+    }
+
+    /// The scene of the partition that is going, see [`Self::going`].
+    #[must_use]
+    pub fn going_scene(&self) -> Option<&Scene> {
+        self.world.going().map(|(at, _)| &self.world.scenes()[at])
+    }
+
+    /// The same of the partition that is going, see [`Self::going`]; nothing where none is.
+    ///
+    /// # Errors
+    /// [`GlError`].
+    pub fn record_going(
+        &self,
+        with: &VertexRecorder,
+        each: &mut dyn FnMut(&LevelPlan, &[Vertex]),
+    ) -> Result<(), GlError> {
+        self.record_scene(self.world.going().map(|(at, _)| at), with, each)
+    }
+
+    fn record_scene(
+        &self,
+        scene: Option<usize>,
+        with: &VertexRecorder,
+        each: &mut dyn FnMut(&LevelPlan, &[Vertex]),
+    ) -> Result<(), GlError> {
+        let Some(at) = scene else {
             return Ok(());
         };
-        let scene = &self.world.scenes()[at];
+        let (scene, buffers) = (&self.world.scenes()[at], &self.plans[at]);
         let shader = match scene.partition() {
             Partition::Geographic => &with.geographic,
             Partition::North | Partition::South => &with.cap,
         };
         with.target.bind();
         shader.program.bind();
-        self.tables[self.table].bind(TABLE);
+        buffers.tables[buffers.table].bind(TABLE);
         self.set_frame(shader, scene, &Look::BARE);
         let corners = pattern_numbers(scene.settings().shape);
         let levels = &scene.plan().levels;
@@ -86,7 +113,7 @@ impl TerrainRenderer {
             if let Some(slice) = level.slices.first() {
                 self.set_slice(shader, slice);
             }
-            let array = self.blocks_from(level.blocks.0);
+            let array = buffers.blocks_from(level.blocks.0);
             let draw = || array.draw_points(texel(corners), texel(level.blocks.1));
             let vertices = with.recorder.record(corners * level.blocks.1, draw)?;
             each(level, &vertices);

@@ -1,22 +1,25 @@
-//! The demo's flight: an ultralight follows a line through the valley, and its sensors say so in CANaerospace frames.
+//! A flight: an ultralight follows a line (the demo's, through its valley) or the legs of a profile.
 //!
 //! [`Flight::along`] flies the whole line once, at start, in steps of 20 ms: a guidance law turns towards a point ahead on
-//! the line, the bank follows at a limited rate, and the turn follows from the bank as in a coordinated turn. Afterwards
+//! the line, the bank follows at a limited rate, and the turn follows from the bank as in a coordinated turn.
+//! [`Flight::of_legs`] flies legs in the same way, each with its turn, climb and speed. Afterwards
 //! [`Flight::sample`] gives the flight at any time; the same line always gives the same flight, to the bit on one machine.
 //!
-//! The motion is that of a point mass in still air of the ICAO standard atmosphere (ICAO Doc 7488/3), with thrust for its
-//! speed at every climb angle; attitude is such that there is no sideslip. So every number that the sensors tell follows
+//! The motion is that of a point mass in air of the ICAO standard atmosphere (ICAO Doc 7488/3) that moves evenly with the
+//! wind, with thrust for its speed at every climb angle; attitude is such that there is no sideslip. So every number that the sensors tell follows
 //! from the path, and nothing needs noise to look alive.
 
 mod frames;
 mod guidance;
+mod legs;
 
 pub use frames::Sensors;
+pub use legs::{BANK_MAX_RAD, Climb, Leg, Start, Turn};
 
 use crate::angle::wrap_turn;
 use crate::geo::{Attitude, Geodetic};
 use crate::units::{Hectopascals, Kelvin, Metres, MetresPerSecond, Radians, STANDARD_GRAVITY_MPS2};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 use std::time::Duration;
 
 /// Time between the steps of the flight.
@@ -44,12 +47,17 @@ pub struct Day {
     pub qnh: Hectopascals,
     /// Height of the geoid above the ellipsoid where the flight is.
     pub undulation: Metres,
+    /// How the air moves over the ground: north and east, m/s.
+    pub wind_mps: DVec2,
+    /// How much warmer the air is than the standard atmosphere's, K.
+    pub warmer_k: f64,
 }
 
 /// Position, velocity and bank at one step.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     position: Geodetic,
+    /// Through the air, as are track and climb.
     speed_mps: f64,
     speed_rate_mps2: f64,
     /// Direction of motion, unwrapped.
@@ -111,6 +119,24 @@ impl Flight {
         Ok(Self { steps, day })
     }
 
+    /// Flies legs, one after the other.
+    ///
+    /// # Errors
+    /// When the start is no place.
+    pub fn of_legs(start: &Start, legs: &[Leg], day: Day) -> Result<Self, FlightError> {
+        if !start.place.is_valid() {
+            return Err(FlightError::NoPlace(0));
+        }
+        let steps = legs::fly(start, legs, day);
+        Ok(Self { steps, day })
+    }
+
+    /// The day on which it takes place.
+    #[must_use]
+    pub const fn day(&self) -> Day {
+        self.day
+    }
+
     /// How long it takes.
     #[must_use]
     pub fn duration(&self) -> Duration {
@@ -124,14 +150,17 @@ impl Flight {
         let step = self.step_at(t.as_secs_f64());
         let body_to_ned = step.body_to_ned();
         let altitude_msl = step.position.height_ellipsoid - self.day.undulation;
-        let air = Air::at(altitude_msl, self.day.qnh);
+        let air = Air::at(altitude_msl, self.day);
+        let through_air = step.speed_mps * step.climb_rad.cos();
+        let (sin_track, cos_track) = step.track_rad.sin_cos();
+        let over_ground = DVec2::new(cos_track, sin_track) * through_air + self.day.wind_mps;
         Sample {
             position: step.position,
             attitude: attitude_of(body_to_ned),
             rates_radps: self.rates_at(t.as_secs_f64()),
             felt_g: step.felt_g(body_to_ned),
-            track: wrap_turn(Radians(step.track_rad)),
-            ground_speed: MetresPerSecond(step.speed_mps * step.climb_rad.cos()),
+            track: wrap_turn(Radians(over_ground.y.atan2(over_ground.x))),
+            ground_speed: MetresPerSecond(over_ground.length()),
             vertical_speed: MetresPerSecond(step.speed_mps * step.climb_rad.sin()),
             true_airspeed: MetresPerSecond(step.speed_mps),
             indicated_airspeed: MetresPerSecond(step.speed_mps * air.density_ratio.sqrt()),
@@ -254,15 +283,15 @@ impl Air {
     /// `g / (R lapse)` with R = 287.052_87 J/(kg K).
     const EXPONENT: f64 = 5.255_876;
 
-    fn at(altitude_msl: Metres, qnh: Hectopascals) -> Self {
+    fn at(altitude_msl: Metres, day: Day) -> Self {
         let scale_m = Self::SEA_LEVEL_K / Self::LAPSE_KPM;
         let ratio = 1.0 - altitude_msl.0 / scale_m;
-        let pressure_ratio = qnh.0 / Self::SEA_LEVEL_HPA * ratio.powf(Self::EXPONENT);
-        let temperature_k = Self::SEA_LEVEL_K * ratio;
+        let pressure_ratio = day.qnh.0 / Self::SEA_LEVEL_HPA * ratio.powf(Self::EXPONENT);
+        let temperature_k = Self::SEA_LEVEL_K * ratio + day.warmer_k;
         Self {
             pressure_altitude: Metres(scale_m * (1.0 - pressure_ratio.powf(1.0 / Self::EXPONENT))),
             temperature: Kelvin(temperature_k),
-            density_ratio: pressure_ratio / ratio,
+            density_ratio: pressure_ratio * Self::SEA_LEVEL_K / temperature_k,
         }
     }
 }

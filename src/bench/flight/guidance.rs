@@ -13,18 +13,18 @@ const CRUISE_MPS: f64 = 55.0;
 /// Speed lost per sine of the climb angle: 6 m/s in the steepest climb.
 const CRUISE_PER_CLIMB_MPS: f64 = 50.0;
 /// Time constant of speed changes.
-const SPEED_S: f64 = 4.0;
+pub(super) const SPEED_S: f64 = 4.0;
 /// Distance of the point that the aircraft turns to: 11 s of flight.
 const AHEAD_M: f64 = 600.0;
 /// Limits of an ultralight flown smoothly.
 const BANK_MAX_RAD: f64 = std::f64::consts::FRAC_PI_6;
-const BANK_RATE_MAX_RADPS: f64 = 0.2;
-const BANK_ACCELERATION_MAX_RADPS2: f64 = 0.3;
+pub(super) const BANK_RATE_MAX_RADPS: f64 = 0.2;
+pub(super) const BANK_ACCELERATION_MAX_RADPS2: f64 = 0.3;
 const CLIMB_MAX_RAD: f64 = 0.12;
-const CLIMB_RATE_MAX_RADPS: f64 = 0.03;
+pub(super) const CLIMB_RATE_MAX_RADPS: f64 = 0.03;
 /// Gains of bank and climb towards what is wanted, 1/s.
-const BANK_GAIN_PER_S: f64 = 0.9;
-const CLIMB_GAIN_PER_S: f64 = 0.5;
+pub(super) const BANK_GAIN_PER_S: f64 = 0.9;
+pub(super) const CLIMB_GAIN_PER_S: f64 = 0.5;
 /// The longest flight: four hours, 720 000 steps.
 const STEPS_MAX: usize = 4 * 3600 * 50;
 
@@ -140,7 +140,7 @@ pub(super) fn fly(line: &[Geodetic]) -> Result<Vec<Step>, FlightError> {
         if left_m < 1.0 {
             break;
         }
-        advance(&mut step, bank_rate_radps);
+        advance(&mut step, bank_rate_radps, DVec2::ZERO);
     }
     Ok(steps)
 }
@@ -173,13 +173,14 @@ fn control(step: &mut Step, bank_rate_radps: &mut f64, to_target: DVec3) {
 
 /// One step of time. The position moves by the mean of the velocities at both ends, so that it is the integral of what the
 /// samples say.
-fn advance(step: &mut Step, bank_rate_radps: f64) {
+pub(super) fn advance(step: &mut Step, bank_rate_radps: f64, wind_mps: DVec2) {
     let before = velocity_ned(step);
     step.track_rad += step.track_rate_radps() * STEP_S;
     step.climb_rad += step.climb_rate_radps * STEP_S;
     step.speed_mps += step.speed_rate_mps2 * STEP_S;
     step.bank_rad += bank_rate_radps * STEP_S;
-    let moved = (before + velocity_ned(step)) * (STEP_S / 2.0);
+    let wind = wind_mps.extend(0.0);
+    let moved = (before + velocity_ned(step)) * (STEP_S / 2.0) + wind * STEP_S;
     let position = &mut step.position;
     let (sin_lat, cos_lat) = position.latitude.0.sin_cos();
     let height_m = position.height_ellipsoid.0;

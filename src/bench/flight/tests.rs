@@ -24,6 +24,8 @@ fn valley() -> Vec<Geodetic> {
 const DAY: Day = Day {
     qnh: Hectopascals(1018.0),
     undulation: Metres(49.0),
+    wind_mps: DVec2::ZERO,
+    warmer_k: 0.0,
 };
 
 fn flight() -> Flight {
@@ -137,7 +139,11 @@ fn the_altimeter_at_the_days_setting_shows_the_height_above_the_sea() {
         "undulation"
     );
     // Doc 7488/3 table: 1000 m has 281.65 K and a density of 1.1117 of 1.225 kg/m3.
-    let air = Air::at(Metres(1000.0), Hectopascals(1013.25));
+    let standard = Day {
+        qnh: Hectopascals(1013.25),
+        ..DAY
+    };
+    let air = Air::at(Metres(1000.0), standard);
     assert!(
         (air.temperature.0 - 281.65).abs() < 1e-9,
         "{:?}",

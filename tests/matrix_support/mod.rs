@@ -1,0 +1,276 @@
+//! A flight of which everything is known, flown through an encoder, faults, a decoder and the state; pure, on a clock of its
+//! own.
+
+pub(crate) mod flight;
+pub(crate) mod table;
+
+use flight::Flight;
+use glasswing::bench::fault::{Fault, Kind};
+use glasswing::bench::{Bench, Truth, encode};
+use glasswing::proto::Protocol;
+use glasswing::sampled::Invalid;
+use glasswing::signal::{Frame, Parameter, Signal, SourceId};
+use glasswing::state::{FlightState, Fusion, jump};
+use glasswing::time::Monotonic;
+use std::time::Duration;
+
+/// A picture is made so often: 20 a second, the slowest that still counts as flying.
+pub(crate) const FRAME: Duration = Duration::from_millis(50);
+
+/// What a pilot is shown, and what that is made from.
+pub(crate) const SHOWN: [Parameter; 26] = [
+    Parameter::Pitch,
+    Parameter::Roll,
+    Parameter::HeadingTrue,
+    Parameter::HeadingMagnetic,
+    Parameter::IndicatedAirspeed,
+    Parameter::CalibratedAirspeed,
+    Parameter::TrueAirspeed,
+    Parameter::PressureAltitude,
+    Parameter::BaroAltitude,
+    Parameter::AltitudeMsl,
+    Parameter::HeightEllipsoid,
+    Parameter::HeightAgl,
+    Parameter::DensityAltitude,
+    Parameter::VerticalSpeed,
+    Parameter::LateralAcceleration,
+    Parameter::SlipBall,
+    Parameter::TurnRate,
+    Parameter::Latitude,
+    Parameter::Longitude,
+    Parameter::GroundSpeed,
+    Parameter::Track,
+    Parameter::TrackMagnetic,
+    Parameter::BaroSetting,
+    Parameter::StaticAirTemperature,
+    Parameter::WindSpeed,
+    Parameter::WindDirectionTrue,
+];
+
+/// What goes wrong, whether with one sensor or with the whole box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Trouble {
+    pub(crate) name: &'static str,
+    pub(crate) kind: Kind,
+    pub(crate) is_whole: bool,
+    /// When it begins and how long it lasts: as long as finding it takes.
+    pub(crate) begin_s: u64,
+    pub(crate) lasts_s: u64,
+}
+
+const fn trouble(
+    name: &'static str,
+    kind: Kind,
+    is_whole: bool,
+    begin_s: u64,
+    lasts_s: u64,
+) -> Trouble {
+    Trouble {
+        name,
+        kind,
+        is_whole,
+        begin_s,
+        lasts_s,
+    }
+}
+
+/// Every fault of the matrix.
+pub(crate) const TROUBLES: [Trouble; 9] = [
+    trouble("lost and back", Kind::Stop, true, 4, 8),
+    trouble("stop", Kind::Stop, false, 4, 8),
+    trouble("source frozen", Kind::Freeze, true, 13, 12),
+    trouble("sensor frozen", Kind::Freeze, false, 13, 12),
+    trouble("sentinel", Kind::Sentinel, false, 4, 3),
+    trouble("NaN", Kind::Nan, false, 4, 3),
+    trouble("out of range", Kind::OutOfRange, false, 4, 3),
+    trouble("jump", Kind::Jump, false, 4, 5),
+    trouble("bit flips", Kind::BitFlips, true, 4, 20),
+];
+
+/// Frames that change places; apart, since none of their values is wrong.
+pub(crate) const REORDERING: Trouble = trouble("reordering", Kind::Reordering, true, 4, 10);
+
+impl Trouble {
+    /// By when a value under this fault must be flagged.
+    pub(crate) fn deadline(&self, parameter: Parameter) -> Duration {
+        let age_max = parameter.spec().age_max;
+        match self.kind {
+            Kind::Freeze if self.is_whole => glasswing::state::frozen::SOURCE_STILL.max(age_max),
+            Kind::Freeze => glasswing::state::frozen::FINE_STILL.max(age_max),
+            _ => age_max,
+        }
+    }
+}
+
+/// What the state said of one parameter under one fault.
+#[derive(Clone, Debug)]
+pub(crate) struct Cell {
+    pub(crate) parameter: Parameter,
+    pub(crate) trouble: Trouble,
+    pub(crate) protocol: Protocol,
+    /// What was said instead of the value, first.
+    pub(crate) said: Option<Invalid>,
+    /// Whether the value was then worked out from others.
+    pub(crate) is_derived: bool,
+    /// From the fault to the first picture without the value.
+    pub(crate) after: Option<Duration>,
+    /// From the end of the fault to the first picture with the value again.
+    pub(crate) back_after: Option<Duration>,
+    /// Pictures past the deadline with a value that is none.
+    pub(crate) wrong: u32,
+    /// Pictures with a true value while the fault lasted.
+    pub(crate) true_shown: u32,
+    /// The furthest that a shown value was from the truth, in units of what a protocol can resolve or, without a checksum, of
+    /// the greatest step that is not found.
+    pub(crate) worst: f64,
+}
+
+fn at(t: Duration) -> Monotonic {
+    Monotonic::from_nanos(1_000_000_000).plus(t)
+}
+
+/// Whether a protocol's frames have checksums of their own.
+pub(crate) const fn has_checksum(protocol: Protocol) -> bool {
+    !matches!(
+        protocol,
+        Protocol::CanAerospace | Protocol::CanFix | Protocol::FgFdm | Protocol::FgGeneric
+    )
+}
+
+/// Flies once, with one fault, and judges `parameters`.
+pub(crate) fn fly(
+    flight: &Flight,
+    protocol: Protocol,
+    trouble: Trouble,
+    parameters: &[Parameter],
+) -> Vec<Cell> {
+    let begin = Duration::from_secs(trouble.begin_s);
+    let end = begin + Duration::from_secs(trouble.lasts_s);
+    let fault = Fault {
+        kind: trouble.kind,
+        begin,
+        end: Some(end),
+        parameter: if trouble.is_whole {
+            None
+        } else {
+            parameters.first().copied()
+        },
+    };
+    let Ok(mut bench) = Bench::new(encode::encoder(protocol), vec![fault], 7) else {
+        return Vec::new();
+    };
+    let mut judges: Vec<Judge<'_>> = parameters
+        .iter()
+        .map(|p| Judge::new(flight, protocol, trouble, *p, bench.encoder()))
+        .collect();
+    let mut decoder = protocol.decoder();
+    let mut fusion = Fusion::new(&[SourceId(0)]);
+    let stop = end + Duration::from_secs(4);
+    let mut picture = FRAME;
+    let mut truth = Truth::nothing();
+    while picture < stop {
+        while bench.next() <= picture {
+            let now = bench.next();
+            flight.at(now, &mut truth);
+            bench.step(&truth, &mut |wire| {
+                let frame = Frame {
+                    at: at(now),
+                    source: SourceId(0),
+                    wire,
+                };
+                decoder.push(frame, &mut |signal: Signal| fusion.apply(&signal));
+            });
+        }
+        let state = fusion.step(at(picture));
+        for judge in &mut judges {
+            judge.see(&state, picture, begin, end);
+        }
+        picture += FRAME;
+    }
+    judges
+        .into_iter()
+        .filter(|judge| judge.was_shown)
+        .map(|judge| judge.cell)
+        .collect()
+}
+
+/// Looks at one parameter, picture by picture.
+struct Judge<'a> {
+    flight: &'a Flight,
+    tolerance: f64,
+    was_shown: bool,
+    cell: Cell,
+}
+
+impl<'a> Judge<'a> {
+    fn new(
+        flight: &'a Flight,
+        protocol: Protocol,
+        trouble: Trouble,
+        parameter: Parameter,
+        encoder: &dyn encode::Encoder,
+    ) -> Self {
+        let resolution = encoder.carries(parameter).map_or(0.0, |c| c.resolution);
+        let mut tolerance = resolution.max(flight::derived_tolerance(parameter) * 1e-3);
+        if trouble.kind == Kind::BitFlips && !has_checksum(protocol) {
+            // A step that a flight can make is not found: this is by how much a damaged frame may mislead.
+            let apart = Duration::from_millis(500);
+            tolerance += jump::reach_max(parameter, apart).unwrap_or(0.0);
+        }
+        Self {
+            flight,
+            tolerance,
+            was_shown: false,
+            cell: Cell {
+                parameter,
+                trouble,
+                protocol,
+                said: None,
+                is_derived: false,
+                after: None,
+                back_after: None,
+                wrong: 0,
+                true_shown: 0,
+                worst: 0.0,
+            },
+        }
+    }
+
+    fn see(&mut self, state: &FlightState, now: Duration, begin: Duration, end: Duration) {
+        let parameter = self.cell.parameter;
+        let value = state.read(parameter, at(now));
+        let is_derived = state.is_derived(parameter);
+        if now < begin {
+            self.was_shown |= value.is_ok() && !is_derived;
+            return;
+        }
+        let is_gone = value.is_err() || is_derived;
+        if is_gone && self.cell.after.is_none() && now < end + FRAME {
+            self.cell.after = Some(now - begin);
+            self.cell.said = value.err();
+            self.cell.is_derived = is_derived;
+        }
+        if now >= end {
+            if is_gone {
+                self.cell.back_after = None;
+            } else if self.cell.back_after.is_none() {
+                self.cell.back_after = Some(now - end);
+            }
+        }
+        let Ok(value) = value else {
+            return;
+        };
+        let tolerance = if is_derived {
+            flight::derived_tolerance(parameter)
+        } else {
+            self.tolerance
+        };
+        let off = self.flight.off(parameter, value, now) / tolerance;
+        if off <= 1.0 {
+            self.cell.true_shown += u32::from(now < end);
+        } else if now > begin + self.cell.trouble.deadline(parameter) + FRAME {
+            self.cell.wrong += 1;
+        }
+        self.cell.worst = self.cell.worst.max(off);
+    }
+}
