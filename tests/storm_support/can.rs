@@ -122,7 +122,10 @@ pub(crate) struct CanAerospace {
 
 impl CanAerospace {
     pub(crate) fn read(&mut self, can: &CanData, said: &mut Said) {
-        let Some((_, parameter)) = CANAEROSPACE.iter().find(|row| row.0 == can.id) else {
+        // Eleven bits of a longer identifier, of which bits 16 to 23 are a redundancy channel and the others zero.
+        let is_redundant = can.extended && can.id.leading_zeros() >= 8 && can.id >> 11 & 31 == 0;
+        let id = if is_redundant { can.id & 0x7FF } else { can.id };
+        let Some((_, parameter)) = CANAEROSPACE.iter().find(|row| row.0 == id) else {
             return;
         };
         let [_, data_type, service, _, a, b, c, d] = can.data;
@@ -137,6 +140,7 @@ impl CanAerospace {
         let number = match (data_type, high) {
             (2, _) => f64::from(f32::from_bits(word)),
             (3, _) if is_position => f64::from(word.cast_signed()) * 1e-7,
+            (3, _) => f64::from(word.cast_signed()),
             (30, _) => {
                 self.highs.push((can.id, word));
                 f64::NAN
