@@ -9,16 +9,17 @@
 //! parameter is frozen, with at least three repeats, when one of these holds:
 //!
 //! 1. **The whole source stands still.** It sends latitude and longitude, or pitch and roll of which one has been noisy or has
-//!    moved by less than half a degree before, and all of its restless and calm parameters have repeated for 3 s. All of
-//!    them are frozen.
+//!    moved by less than half a degree before, and all of its restless and calm parameters have repeated for 3 s, or have gone
+//!    round in at most three values each for 6 s, as they do when several messages say the same with different rounding. All
+//!    of them are frozen, and whatever else of it stands still.
 //! 2. **Noise has ended.** A restless parameter that used to change direction twice a second or more, over 10 s of flight,
 //!    has repeated for 4 s. (The longest repeat of pitch in a recorded flight of a Dynon `SkyView`, in steps of 0.1 degrees,
 //!    is 3.2 s, of roll 2.6 s.)
-//! 3. **A fine value repeats.** A restless parameter whose smallest step so far is below a thousandth of its usual span (as
+//! 3. **A fine value repeats.** A restless or calm parameter whose smallest step so far is below a thousandth of its usual span (as
 //!    floating-point values are, and whole tenths of a degree are not) has repeated for 10 s.
 //!
 //! The first new value ends it at once. Limits: a coarse parameter without noise (whole degrees) that stops alone is not
-//! found, because smooth flight looks the same, nor is attitude that has never moved at all; nor is a calm one that stops alone, nor anything below 15 m/s. A simulator
+//! found, because smooth flight looks the same, nor is attitude that has never moved at all; nor is a coarse calm one that stops alone, nor anything below 15 m/s. A simulator
 //! that is paused in flight is found: what it says does not move, and it says that it flies.
 
 use crate::signal::Parameter as P;
@@ -29,6 +30,8 @@ use std::time::Duration;
 pub const FLYING_MPS: f64 = 15.0;
 /// How long a whole source stands still.
 pub const SOURCE_STILL: Duration = Duration::from_secs(3);
+/// How long, if some of it goes round in a loop of at most three values each: the same said in several messages.
+pub const LOOP_STILL: Duration = Duration::from_secs(6);
 /// How long a noisy parameter repeats.
 pub const NOISY_STILL: Duration = Duration::from_secs(4);
 /// How long a fine parameter repeats.
@@ -89,7 +92,15 @@ const fn nature(parameter: P) -> Nature {
 const fn fine_step(parameter: P) -> f64 {
     match parameter {
         // Of 50 m/s.
-        P::IndicatedAirspeed | P::CalibratedAirspeed | P::TrueAirspeed => 0.05,
+        P::IndicatedAirspeed
+        | P::CalibratedAirspeed
+        | P::TrueAirspeed
+        | P::GroundSpeed
+        | P::PressureAltitude
+        | P::BaroAltitude
+        | P::AltitudeMsl
+        | P::HeightEllipsoid => 0.05,
+        P::VerticalSpeed => 0.02,
         // Of 1 rad, 1 rad/s and 1 g. A thousandth of a radian is 6 km on the ground: any position is fine.
         _ => 0.001,
     }
@@ -103,6 +114,10 @@ struct Trace {
     since: Option<Monotonic>,
     last: Option<Monotonic>,
     repeats: u32,
+    /// The last values before this one, and since when there has been none but these: a source that says the same in two
+    /// messages, rounded differently, goes round in such a loop when it stands still.
+    before: [f64; 2],
+    loop_since: Option<Monotonic>,
     /// The smallest step so far; zero before the first.
     step: f64,
     rising: bool,
@@ -118,6 +133,18 @@ impl Trace {
         if self.since.is_some() && value.to_bits() == self.value.to_bits() {
             self.repeats = self.repeats.saturating_add(1);
             return;
+        }
+        let is_known = self.before.iter().any(|x| x.to_bits() == value.to_bits());
+        if self.since.is_none() || !is_known {
+            self.loop_since = Some(at);
+        }
+        if !is_known {
+            self.before[1] = self.before[0];
+            self.before[0] = self.value;
+        } else if self.before[0].to_bits() == value.to_bits() {
+            self.before[0] = self.value;
+        } else {
+            self.before[1] = self.value;
         }
         if self.since.is_some() {
             let step = (value - self.value).abs();
@@ -145,10 +172,19 @@ impl Trace {
             .flatten()
     }
 
+    /// Whether it stands still, or goes round in the same few values, as it does when its source stands still.
+    fn stands(&self, flying_since: Monotonic, now: Monotonic) -> bool {
+        let still = self.still(flying_since, now);
+        let since = self.loop_since.map(|since| since.max(flying_since));
+        still.is_some_and(|d| d >= SOURCE_STILL)
+            || since.is_some_and(|since| now.since(since).is_some_and(|d| d >= LOOP_STILL))
+    }
+
     /// Whether it stands still all by itself.
-    fn frozen(&self, parameter: P, still: Duration) -> bool {
+    fn frozen(&self, parameter: P, nature: Nature, still: Duration) -> bool {
         let fine = self.step > 0.0 && self.step < fine_step(parameter);
-        (self.noisy && still >= NOISY_STILL) || (fine && still >= FINE_STILL)
+        let noisy = self.noisy && nature == Nature::Restless;
+        (noisy && still >= NOISY_STILL) || (fine && still >= FINE_STILL)
     }
 }
 
@@ -169,9 +205,6 @@ impl Stillness {
 
     /// A value has come; a fault ends the memory of the one before it.
     pub(super) fn see(&mut self, parameter: P, value: Option<f64>, at: Monotonic) {
-        if nature(parameter) == Nature::Still {
-            return;
-        }
         let i = parameter.index();
         match value {
             Some(value) => self.traces[i].see(value, at),
@@ -206,13 +239,16 @@ impl Stillness {
             && P::ALL
                 .iter()
                 .filter(|p| watched(**p))
-                .all(|p| still(*p).is_some_and(|d| d >= SOURCE_STILL));
+                .all(|p| self.traces[p.index()].stands(flying_since, now));
         for &p in P::ALL {
             let i = p.index();
-            self.frozen[i] = watched(p)
-                && (whole
-                    || (nature(p) == Nature::Restless
-                        && still(p).is_some_and(|d| self.traces[i].frozen(p, d))));
+            self.frozen[i] = match nature(p) {
+                // What may stand is as old as what may not, when its whole source stands.
+                Nature::Still => whole && fresh(p) && self.traces[i].stands(flying_since, now),
+                _ if !fresh(p) => false,
+                _ if whole => true,
+                nature => still(p).is_some_and(|d| self.traces[i].frozen(p, nature, d)),
+            };
         }
     }
 
