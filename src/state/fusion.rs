@@ -113,7 +113,10 @@ impl Fusion {
         let slot = &mut self.heard.said[source][signal.parameter.index()];
         if slot.at().is_none_or(|at| signal.at >= at) {
             *slot = Sampled::from_result(signal.value, signal.at);
-            self.heard.stillness[source].see(signal.parameter, signal.value.ok(), signal.at);
+            // A message that its source doubts, beside another that it does not, says nothing of either.
+            if signal.value != Err(Invalid::Doubtful) {
+                self.heard.stillness[source].see(signal.parameter, signal.value.ok(), signal.at);
+            }
             if let Ok(value) = signal.value {
                 self.heard.jumps[source].see(signal.parameter, value, signal.at);
             }

@@ -10,7 +10,7 @@ use glasswing::bench::{Bench, Truth, encode};
 use glasswing::proto::Protocol;
 use glasswing::sampled::Invalid;
 use glasswing::signal::{Frame, Parameter, Signal, SourceId};
-use glasswing::state::{FlightState, Fusion, jump};
+use glasswing::state::{FlightState, Fusion, frozen, jump};
 use glasswing::time::Monotonic;
 use std::time::Duration;
 
@@ -79,7 +79,7 @@ pub(crate) const TROUBLES: [Trouble; 9] = [
     trouble("lost and back", Kind::Stop, true, 4, 8),
     trouble("stop", Kind::Stop, false, 4, 8),
     trouble("source frozen", Kind::Freeze, true, 13, 12),
-    trouble("sensor frozen", Kind::Freeze, false, 13, 12),
+    trouble("sensor frozen", Kind::Freeze, false, 13, 15),
     trouble("sentinel", Kind::Sentinel, false, 4, 3),
     trouble("NaN", Kind::Nan, false, 4, 3),
     trouble("out of range", Kind::OutOfRange, false, 4, 3),
@@ -95,8 +95,9 @@ impl Trouble {
     pub(crate) fn deadline(&self, parameter: Parameter) -> Duration {
         let age_max = parameter.spec().age_max;
         match self.kind {
-            Kind::Freeze if self.is_whole => glasswing::state::frozen::SOURCE_STILL.max(age_max),
-            Kind::Freeze => glasswing::state::frozen::FINE_STILL.max(age_max),
+            // The slowest message comes once a second.
+            Kind::Freeze if self.is_whole => frozen::LOOP_STILL + Duration::from_secs(1),
+            Kind::Freeze => frozen::FINE_STILL + Duration::from_secs(1),
             _ => age_max,
         }
     }
