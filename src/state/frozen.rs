@@ -9,8 +9,8 @@
 //! parameter is frozen, with at least three repeats, when one of these holds:
 //!
 //! 1. **The whole source stands still.** It sends latitude and longitude, or pitch and roll of which one has been noisy or has
-//!    moved by less than half a degree before, and all of its restless and calm parameters have repeated for 3 s, or have gone
-//!    round in at most three values each for 6 s, as they do when several messages say the same with different rounding. All
+//!    moved by less than half a degree before, and two of these and all of its restless and calm parameters have repeated for 3 s, or,
+//!    but for those two, have gone round in at most three values each for 6 s, as they do when several messages say the same with different rounding. All
 //!    of them are frozen, and whatever else of it stands still.
 //! 2. **Noise has ended.** A restless parameter that used to change direction twice a second or more, over 10 s of flight,
 //!    has repeated for 4 s. (The longest repeat of pitch in a recorded flight of a Dynon `SkyView`, in steps of 0.1 degrees,
@@ -18,7 +18,7 @@
 //! 3. **A fine value repeats.** A restless or calm parameter whose smallest step so far is below a thousandth of its usual span (as
 //!    floating-point values are, and whole tenths of a degree are not) has repeated for 10 s.
 //!
-//! The first new value ends it at once. Limits: a coarse parameter without noise (whole degrees) that stops alone is not
+//! The first new value ends it at once; of a whole source, for what has been said again since. Limits: a coarse parameter without noise (whole degrees) that stops alone is not
 //! found, because smooth flight looks the same, nor is attitude that has never moved at all; nor is a coarse calm one that stops alone, nor anything below 15 m/s. A simulator
 //! that is paused in flight is found: what it says does not move, and it says that it flies.
 
@@ -193,6 +193,9 @@ impl Trace {
 pub(super) struct Stillness {
     traces: [Trace; P::COUNT],
     frozen: [bool; P::COUNT],
+    /// Whether all of it stood still, and when that was over.
+    whole: bool,
+    thawed_at: Option<Monotonic>,
 }
 
 impl Stillness {
@@ -200,6 +203,8 @@ impl Stillness {
         Self {
             traces: [Trace::default(); P::COUNT],
             frozen: [false; P::COUNT],
+            whole: false,
+            thawed_at: None,
         }
     }
 
@@ -235,20 +240,33 @@ impl Stillness {
         };
         let attitude = pair(P::Pitch, P::Roll) && (lively(P::Pitch) || lively(P::Roll));
         let telling = attitude || pair(P::Latitude, P::Longitude);
+        // Loops are believed only beside something that does stand.
+        let exact = |p: P| still(p).is_some_and(|d| d >= SOURCE_STILL);
+        let stands =
+            (exact(P::Pitch) && exact(P::Roll)) || (exact(P::Latitude) && exact(P::Longitude));
         let whole = telling
+            && stands
             && P::ALL
                 .iter()
                 .filter(|p| watched(**p))
                 .all(|p| self.traces[p.index()].stands(flying_since, now));
+        if self.whole && !whole {
+            self.thawed_at = Some(now);
+        }
+        self.whole = whole;
         for &p in P::ALL {
             let i = p.index();
-            self.frozen[i] = match nature(p) {
-                // What may stand is as old as what may not, when its whole source stands.
-                Nature::Still => whole && fresh(p) && self.traces[i].stands(flying_since, now),
-                _ if !fresh(p) => false,
-                _ if whole => true,
-                nature => still(p).is_some_and(|d| self.traces[i].frozen(p, nature, d)),
-            };
+            // What has not been said again since is as old as it was.
+            let last = self.traces[i].last;
+            let waits = self.frozen[i] && self.thawed_at.is_some_and(|thaw| last <= Some(thaw));
+            self.frozen[i] = waits
+                || match nature(p) {
+                    // What may stand is as old as what may not, when its whole source stands.
+                    Nature::Still => whole && fresh(p) && self.traces[i].stands(flying_since, now),
+                    _ if !fresh(p) => false,
+                    _ if whole => true,
+                    nature => still(p).is_some_and(|d| self.traces[i].frozen(p, nature, d)),
+                };
         }
     }
 
