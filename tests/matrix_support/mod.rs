@@ -87,7 +87,7 @@ pub(crate) const TROUBLES: [Trouble; 9] = [
     trouble("NaN", Kind::Nan, false, 4, 3),
     trouble("out of range", Kind::OutOfRange, false, 4, 3),
     trouble("jump", Kind::Jump, false, 4, 5),
-    trouble("bit flips", Kind::BitFlips, true, 4, 20),
+    trouble("bit flips", Kind::BitFlips, true, 4, 15),
 ];
 
 /// Frames that change places; apart, since none of their values is wrong.
@@ -188,7 +188,13 @@ pub(crate) fn fly(
         .collect();
     let mut decoder = protocol.decoder();
     let mut fusion = Fusion::new(&[SourceId(0)]);
-    let stop = end + Duration::from_secs(4);
+    // After many jumps a value may have to begin anew.
+    let calm = if trouble.kind == Kind::BitFlips {
+        jump::RECOVERY
+    } else {
+        Duration::from_secs(2)
+    };
+    let stop = end + calm + Duration::from_secs(2);
     let mut picture = FRAME;
     let mut truth = Truth::nothing();
     while picture < stop {
