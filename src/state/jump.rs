@@ -9,7 +9,8 @@
 //! and of the others what flight up to three times gravity makes of them over a second (table below), `recent` the fastest of the last steps, and `dt` no less than the usual time between two values: what waited in
 //! a buffer comes all at once. A value beyond its reach is [`Implausible`](crate::sampled::Invalid::Implausible) at
 //! once, and so is what follows it, until
-//! - a value jumps back to within reach of the last believed one: a disturbance has passed; or
+//! - a value jumps back at least half of the way, to where the last believed one can have moved on to: a disturbance has
+//!   passed; or
 //! - all values have followed from one another for [`RECOVERY`]: the source has found a new beginning, as a receiver does
 //!   that sees its satellites again. Nobody can tell then whether it was wrong before or is wrong now; where another
 //!   source says the same quantity, `compare` goes on telling.
@@ -133,6 +134,8 @@ struct Doubt {
     last: (f64, Monotonic),
     /// How far from the last believed value a value must not be to be believed at once.
     reach: f64,
+    /// How far the jump went.
+    size: f64,
 }
 
 impl Trace {
@@ -174,7 +177,10 @@ impl Trace {
             doubt.last = (value, at);
             let has_settled = at.since(doubt.since).is_some_and(|d| d >= RECOVERY);
             // Only by a step is it back: what slides there slides on from where it jumped to.
-            let is_back = !follows && apart(from, value) <= doubt.reach;
+            let elapsed_s = at.since(from_at).unwrap_or_default().as_secs_f64();
+            let moved_on = doubt.reach + agility.slack * elapsed_s;
+            let is_back =
+                !follows && apart(from, value) <= moved_on.min(doubt.size * 0.5).max(doubt.reach);
             if is_back || has_settled {
                 self.doubt = None;
                 self.trusted = Some((value, at));
@@ -189,6 +195,7 @@ impl Trace {
                 since: at,
                 last: (value, at),
                 reach,
+                size: step,
             });
         }
     }
@@ -256,6 +263,11 @@ impl Jumps {
                 step * scale
             }
         });
+    }
+
+    /// What was said of a parameter tells nothing of what comes.
+    pub(super) fn forget(&mut self, parameter: P) {
+        self.traces[parameter.index()] = Trace::default();
     }
 
     /// Whether the last value of a parameter is one that cannot be.
