@@ -285,14 +285,14 @@ impl Stillness {
         let stands = |p: P| self.traces[p.index()].stands(least, flying_since, now);
         let whole = clock_stands
             || (telling && attests && P::ALL.iter().filter(|p| watched(**p)).all(|p| stands(*p)));
-        if self.whole && !whole {
-            self.thawed_at = Some(now);
-        }
-        self.whole = whole;
         let attitude = [P::Pitch, P::Roll];
         let attitude_stands = attitude
             .iter()
             .all(|p| alive(*p) && still(*p, ATTITUDE_STILL));
+        if self.whole && !whole {
+            self.thawed_at = Some(now);
+        }
+        self.whole = whole;
         let mut frozen = [false; P::COUNT];
         for &p in P::ALL {
             let i = p.index();
