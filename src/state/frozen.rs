@@ -285,14 +285,15 @@ impl Stillness {
         let stands = |p: P| self.traces[p.index()].stands(least, flying_since, now);
         let whole = clock_stands
             || (telling && attests && P::ALL.iter().filter(|p| watched(**p)).all(|p| stands(*p)));
-        if self.whole && !whole {
-            self.thawed_at = Some(now);
-        }
-        self.whole = whole;
         let attitude = [P::Pitch, P::Roll];
         let attitude_stands = attitude
             .iter()
             .all(|p| alive(*p) && still(*p, ATTITUDE_STILL));
+        let thawed_at = if self.whole && !whole {
+            Some(now)
+        } else {
+            self.thawed_at
+        };
         let mut frozen = [false; P::COUNT];
         for &p in P::ALL {
             let i = p.index();
@@ -308,11 +309,11 @@ impl Stillness {
                 }
             };
             // What has not been said again since is as old as it was.
-            let waits =
-                self.frozen[i] && self.thawed_at.is_some_and(|thaw| trace.last <= Some(thaw));
+            let waits = self.frozen[i] && thawed_at.is_some_and(|thaw| trace.last <= Some(thaw));
             frozen[i] = waits || ((stands || clock_stands) && self.is_fresh(p, now));
         }
         self.frozen = frozen;
+        (self.whole, self.thawed_at) = (whole, thawed_at);
     }
 
     fn is_fresh(&self, p: P, now: Monotonic) -> bool {
