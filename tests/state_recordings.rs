@@ -6,7 +6,7 @@
 
 mod support;
 
-use glasswing::proto::Protocol;
+use glasswing::proto::{Carriage, Protocol};
 use glasswing::sampled::Invalid;
 use glasswing::signal::{Frame, Parameter, Signal, SourceId, Wire};
 use glasswing::state::{FlightState, Fusion, frozen};
@@ -75,7 +75,7 @@ fn a_recorded_flight_is_believed_and_a_stopped_one_is_not() {
     }
     // The last packet again and again: flagged by the stated time, and not before the sensor could have done that.
     let (end, last) = packets.last().expect("not empty");
-    let still = frozen::SOURCE_STILL.as_secs_f64();
+    let still = frozen::LIVELY_STILL.as_secs_f64();
     for k in 1..=240_u32 {
         let after = f64::from(k) / 60.0;
         let now = at(end + after);
@@ -85,6 +85,80 @@ fn a_recorded_flight_is_believed_and_a_stopped_one_is_not() {
             assert!(frozen || after < still + 0.02, "{p:?} after {after} s");
             assert!(!frozen || after > still - 0.02, "{p:?} after {after} s");
         }
+    }
+}
+
+/// What was recorded of real instruments and receivers: file, protocol, seconds, whether in packets with their times.
+const RECORDED: [(&str, Protocol, f64, bool); 11] = [
+    (
+        "dynon_skyview_data1.txt",
+        Protocol::DynonSkyView,
+        633.0,
+        false,
+    ),
+    ("dynon_d100_data1.txt", Protocol::DynonD100, 100.5, false),
+    ("g3x_1.dat", Protocol::GarminG3x, 278.0, false),
+    ("garmin_g5_capture.txt", Protocol::GarminG3x, 45.0, false),
+    ("mgl_data1.bin", Protocol::Mgl, 120.0, false),
+    ("stratux_1.dat", Protocol::Gdl90, 72.0, false),
+    ("stratux_57.dat", Protocol::Gdl90, 73.0, false),
+    ("xcsoar_rl-traffic.nmea", Protocol::Nmea, 478.0, false),
+    ("pyubx2_pygpsdata-MIXED.log", Protocol::Ubx, 60.0, false),
+    ("fg2020.3.16_c172p_nmea.bin", Protocol::Nmea, 93.0, true),
+    ("jsbsim_c172x_netfdm.bin", Protocol::FgFdm, 30.0, true),
+];
+
+#[test]
+fn nothing_recorded_is_ever_taken_for_frozen() {
+    let Some(data) = support::data_dir() else {
+        support::skip("no test data");
+        return;
+    };
+    for (file, protocol, seconds, has_times) in RECORDED {
+        let bytes = std::fs::read(data.join("bus").join(file)).expect("is there");
+        // A byte stream comes evenly, in pieces of a fiftieth of a second; a line that is damaged is a line that is lost.
+        let pieces: Vec<(f64, &[u8])> = if has_times {
+            packets(&bytes)
+        } else {
+            let count = (seconds * 50.0).round();
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a few hundred"
+            )]
+            let size =
+                (f64::from(u32::try_from(bytes.len()).expect("small")) / count).ceil() as usize;
+            let pieces = bytes.chunks(size).zip(0_u32..);
+            pieces
+                .map(|(piece, k)| (f64::from(k) / 50.0, piece))
+                .collect()
+        };
+        let mut fusion = Fusion::new(&[SourceId(0)]);
+        let mut decoder = protocol.decoder();
+        let mut shown = 0_u64;
+        for (seconds, piece) in pieces {
+            let now = at(seconds);
+            let wire = match protocol.carriage() {
+                Carriage::Stream => Wire::Stream(piece),
+                _ => Wire::Datagram(piece),
+            };
+            let frame = Frame {
+                at: now,
+                source: SourceId(0),
+                wire,
+            };
+            decoder.push(frame, &mut fusion);
+            let state = fusion.step(now);
+            for p in Parameter::ALL {
+                let value = state.read(*p, now);
+                shown += u64::from(value.is_ok());
+                assert!(
+                    value != Err(Invalid::Frozen),
+                    "{file}: {p:?} at {seconds} s: {value:?}"
+                );
+            }
+        }
+        assert!(shown > 1000, "{file}: {shown} values shown");
     }
 }
 

@@ -167,6 +167,17 @@ pub fn baro(setting: Hectopascals, unit: BaroUnit) -> Text {
     }
 }
 
+/// A number with so many decimals; never minus nothing.
+#[must_use]
+pub fn fixed(x: f64, decimals: usize) -> Text {
+    let shown = text(format_args!("{x:.decimals$}"));
+    let is_nothing = shown.bytes().all(|b| matches!(b, b'-' | b'0' | b'.'));
+    match shown.strip_prefix('-') {
+        Some(digits) if is_nothing => Text::from(digits).unwrap_or(shown),
+        _ => shown,
+    }
+}
+
 /// How many more there are.
 #[must_use]
 pub fn more(n: usize) -> Text {

@@ -6,6 +6,7 @@
 
 pub mod air;
 pub mod colour;
+pub mod engine;
 pub mod format;
 mod model;
 mod notes;

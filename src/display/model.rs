@@ -1,6 +1,7 @@
 //! The model: for every field of the display a value with its label, or why there is none.
 
 use super::air::{Absent, Air, air, height_above_ground};
+use super::engine::{Engine, engine};
 use super::format;
 use super::notes::{Notes, Sources, notes};
 use super::traffic::{Traffic, traffic};
@@ -193,6 +194,8 @@ pub struct Model {
     pub air: Air,
     /// Other aircraft.
     pub traffic: Traffic,
+    /// The engine, where one was heard.
+    pub engine: Engine,
     /// What is to be said of values that are shown.
     pub notes: Notes,
     /// Limiting speeds: the installer's, and where he gives none those of a bus.
@@ -228,6 +231,7 @@ impl Model {
             height_above_ground: height_above_ground(state, ui, now),
             air: air(state, now),
             traffic: traffic(state, now),
+            engine: engine(state, config.baro_unit, now),
             attitude,
             slip: state.read(P::LateralAcceleration, now).map(|g| Slip {
                 ball_widths: -g / 0.1,

@@ -119,9 +119,12 @@ fn draw_wind(pen: &mut Pen<'_>, rect: Rect, wind: Wind) {
 
 /// An arrow through `middle` in the direction `along`, `half` design units to each side.
 pub(super) fn arrow(pen: &mut Pen<'_>, middle: Vec2, along: Vec2, half: f32, ink: Colour) {
-    let (reach, side) = (along * pen.px(half), along.perp() * pen.px(half * 0.36));
-    let neck = middle + reach * 0.2;
-    let width = pen.layout.line(half * 0.14);
+    let (reach, side) = (
+        along * pen.px(half),
+        along.perp() * pen.px(half * 0.3 + 1.2),
+    );
+    let neck = middle + reach * 0.1;
+    let width = pen.layout.line(half * 0.08 + 1.1);
     pen.list.line(middle - reach, neck, width, ink);
     pen.list
         .triangle([middle + reach, neck + side, neck - side], ink);

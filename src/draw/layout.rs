@@ -35,6 +35,8 @@ pub struct Layout {
     pub altitude_title: Rect,
     /// Barometric setting.
     pub baro: Rect,
+    /// Engine strip.
+    pub engine: Rect,
     /// True airspeed.
     pub true_airspeed: Rect,
     /// Wind.
@@ -102,6 +104,7 @@ impl Layout {
             baro: right(186.0, 206.0, 108.0, 26.0),
             height_above_ground: right(186.0, 234.0, 130.0, 24.0),
             density_altitude: right(186.0, 260.0, 130.0, 24.0),
+            engine: middle(-476.0, -294.0, 952.0, 54.0),
             true_airspeed: left(36.0, 258.0, 116.0, 24.0),
             wind: left(156.0, 206.0, 112.0, 50.0),
             temperature: left(156.0, 258.0, 112.0, 24.0),
@@ -130,7 +133,7 @@ impl Layout {
 
     /// All rectangles, for checks.
     #[must_use]
-    pub const fn rects(&self) -> [Rect; 20] {
+    pub const fn rects(&self) -> [Rect; 21] {
         [
             self.airspeed_title,
             self.airspeed,
@@ -139,6 +142,7 @@ impl Layout {
             self.baro,
             self.height_above_ground,
             self.density_altitude,
+            self.engine,
             self.true_airspeed,
             self.wind,
             self.temperature,
@@ -175,7 +179,7 @@ mod tests {
             for (i, a) in rects.iter().enumerate() {
                 assert!(a.min.min_element() >= 0.0, "{w}x{h}: {i} {a:?}");
                 assert!(a.max.cmple(layout.size).all(), "{w}x{h}: {i} {a:?}");
-                for (j, b) in rects[..18].iter().enumerate() {
+                for (j, b) in rects[..19].iter().enumerate() {
                     let apart = a.max.cmple(b.min).any() || b.max.cmple(a.min).any();
                     assert!(i == j || apart, "{w}x{h}: {i} {a:?} on {j} {b:?}");
                 }

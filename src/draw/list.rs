@@ -8,7 +8,7 @@
 use crate::display::colour::Colour;
 use glam::Vec2;
 
-/// Quads in a list. The fullest display, all of whose fields are framed by dashes, takes about 650; 16 384 is the most that
+/// Quads in a list. The fullest display, all of whose fields are framed by dashes, takes about 800, with an engine and other aircraft 1100; 16 384 is the most that
 /// 16-bit indices can address.
 pub const QUADS_MAX: usize = 2048;
 

@@ -9,6 +9,7 @@
 //! heading below, roll scale above. What has no value is covered whole by a flag; no number is left standing.
 
 pub mod atlas;
+mod engine;
 mod fields;
 mod flags;
 mod heading;
@@ -43,6 +44,7 @@ pub fn draw(model: &Model, layout: &Layout, atlas: &Atlas, list: &mut DrawList) 
     tape::draw_altitude(&mut pen, model);
     vsi::draw(&mut pen, model);
     heading::draw(&mut pen, model);
+    engine::draw(&mut pen, model);
     fields::draw_ground(&mut pen, model);
     fields::draw_air(&mut pen, model);
     traffic::draw_list(&mut pen, model);

@@ -311,3 +311,96 @@ proptest! {
         }
     }
 }
+
+/// What a state reads as, by place.
+fn reads(state: &FlightState, ui: &Ui, place: fn(&Layout) -> Rect) -> String {
+    let layout = Layout::new(1024, 600);
+    let mut list = DrawList::new();
+    let model = Model::build(state, ui, &Config::default(), NOW);
+    draw(&model, &layout, &ATLAS, &mut list);
+    text(&inside(&list, place(&layout)))
+}
+
+#[test]
+fn what_the_air_does_reads_as_given_or_names_what_is_missing() {
+    let ui = Ui::default();
+    let mut state = healthy();
+    for (p, value) in [
+        (P::TrueAirspeed, 61.733),
+        (P::StaticAirTemperature, 261.0),
+        (P::DensityAltitude, 3000.0),
+        (P::WindSpeed, 5.144),
+        (P::WindDirectionTrue, 4.0),
+        (P::HeightAgl, -30.0),
+    ] {
+        state.set(p, Sampled::good(value, NOW), SourceId(0));
+    }
+    // 61.733 m/s is 120 kt, 5.144 m/s 10 kt, 4 rad 229 degrees, 3000 m 9843 ft, 30 m 98 ft.
+    assert_eq!(reads(&state, &ui, |l| l.true_airspeed), "TAS120KT");
+    assert_eq!(reads(&state, &ui, |l| l.temperature), "OAT-12\u{b0}C");
+    assert_eq!(reads(&state, &ui, |l| l.density_altitude), "DA9840FT");
+    assert_eq!(reads(&state, &ui, |l| l.wind), "10KT229\u{b0}T");
+    assert_eq!(reads(&state, &ui, |l| l.height_above_ground), "AGL-100FT");
+    let mut fusion = crate::state::Fusion::new(&[SourceId(0)]);
+    fusion.apply(&crate::signal::Signal {
+        at: NOW,
+        source: SourceId(0),
+        parameter: P::IndicatedAirspeed,
+        value: Ok(50.0),
+    });
+    let lacking = fusion.step(NOW);
+    assert_eq!(reads(&lacking, &ui, |l| l.true_airspeed), "TASALTNO");
+    assert_eq!(reads(&lacking, &ui, |l| l.height_above_ground), "AGLPOSNO");
+}
+
+#[test]
+fn other_aircraft_read_as_given_and_silence_says_so() {
+    use crate::signal::Alert;
+    use crate::state::traffic::{Direction, Feed, Target};
+    let ui = Ui::default();
+    let mut state = healthy();
+    assert_eq!(reads(&state, &ui, |l| l.traffic), "", "nobody would tell");
+    state.around.feed = Feed::Silent;
+    assert_eq!(reads(&state, &ui, |l| l.traffic), "NOTRAFFICDATA");
+    state.around.feed = Feed::Live;
+    assert_eq!(reads(&state, &ui, |l| l.traffic), "TRAFFICNONE");
+    let target = Target {
+        address: None,
+        direction: Direction::True(Radians(4.8)),
+        distance_m: 4630.0,
+        up_m: Some(-152.4),
+        vertical_speed_mps: Some(-5.0),
+        alert: Alert::Low,
+    };
+    state.around.targets[0] = Some(target);
+    state.around.targets[1] = Some(Target {
+        direction: Direction::Unknown,
+        up_m: None,
+        ..target
+    });
+    // 4630 m is 2.5 NM, 152.4 m is 500 ft.
+    let list = reads(&state, &ui, |l| l.traffic);
+    assert_eq!(list, "TFCNM100FT2.5-052.5--");
+    // Straight ahead and below: a symbol below the middle, with its height under it.
+    let ahead = |l: &Layout| Rect::around(l.centre, 320.0, 320.0);
+    assert!(reads(&state, &ui, ahead).contains("-05"), "in the view");
+}
+
+#[test]
+fn sources_out_of_order_are_named_on_the_screen() {
+    let mut ui = Ui::default();
+    ui.links[1] = Some(crate::display::LinkFault::Down);
+    assert_eq!(reads(&healthy(), &ui, |l| l.notes), "SRC2DOWN");
+}
+
+#[test]
+fn an_engine_strip_comes_with_an_engine_and_is_flagged_like_all_else() {
+    let ui = Ui::default();
+    let mut state = healthy();
+    assert_eq!(reads(&state, &ui, |l| l.engine), "", "no engine");
+    state.set(P::EngineSpeed, Sampled::good(2410.0, NOW), SourceId(0));
+    let stale = Sampled::fault(Invalid::Stale, NOW);
+    state.set(P::OilPressure, stale, SourceId(0));
+    let strip = reads(&state, &ui, |l| l.engine);
+    assert!(strip.starts_with("RPM2410MAP---OILPOLD"), "{strip}");
+}

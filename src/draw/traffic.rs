@@ -145,14 +145,17 @@ fn symbol(pen: &mut Pen<'_>, at: Vec2, urgency: Urgency, half: f32, pass: Pass) 
             Rect::around(at, 2.0 * (half + rim), 2.0 * (half + rim)),
             colour,
         ),
-        Urgency::Caution => pen.list.arc(
-            at,
-            (half + rim) * 0.5,
-            half + rim,
-            0.0,
-            std::f32::consts::TAU,
-            colour,
-        ),
+        Urgency::Caution => {
+            // A ring, whose hole a square fills.
+            let (full, hole) = (half + rim, half * 0.3);
+            let (middle, width) = (f32::midpoint(full, hole), full - hole);
+            let turn = std::f32::consts::TAU;
+            pen.list.arc(at, middle, width, 0.0, turn, colour);
+            if pass == Pass::Body {
+                pen.list
+                    .rect(Rect::around(at, 2.2 * hole, 2.2 * hole), colour);
+            }
+        }
         Urgency::Proximate => {
             let corners = diamond((half + rim) * 1.3);
             pen.list.polygon(corners, [true; 4], [colour; 4]);

@@ -340,7 +340,7 @@ impl TerrainRenderer {
         self.draw_scene(self.world.drawn_index(), Pass::Whole, look);
     }
 
-    /// How opaque the partition that was drawn before the present one still is, above 0 and below 1; `None` where nothing
+    /// How opaque the partition that was drawn before the present one still is, above 0 and at most 1; `None` where nothing
     /// of it is left.
     #[must_use]
     pub fn going(&self) -> Option<f64> {

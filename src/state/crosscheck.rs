@@ -12,6 +12,9 @@
 //!   2 degrees a second at 50 m/s. The turn is seen in the track over the last 3 s or, if that is not to be had, in
 //!   the turn rate or yaw rate of another source.
 //!
+//! So is one whose roll is not level but has repeated to the last bit for 3 s, where that bank and the turn's are more than
+//! 10 degrees apart (15 without a lateral accelerometer): a roll in whole degrees that has stopped, which no noise betrays.
+//!
 //! Then its pitch and roll are [`Invalid::Implausible`](crate::sampled::Invalid::Implausible), and another source is taken
 //! if there is one. It is believed again after it has shown a bank of 3 degrees or more for 5 s; straight flight alone proves nothing.
 //! Limits: nothing is found in straight flight, below 25 m/s, without ground speed, or without any sight of the turn. A real skid
@@ -34,6 +37,8 @@ pub const LASTING: Duration = Duration::from_secs(5);
 const LEVEL_DEGREES: f64 = 3.0;
 /// The bank that belongs to the turn is at least this, degrees.
 const TURNING_DEGREES: f64 = 10.0;
+/// A roll that stands still is this far from the bank of the turn, degrees, where no lateral accelerometer tells of a slip.
+const BLIND_DEGREES: f64 = 15.0;
 /// Slower than this the relation is not used, m/s.
 const SPEED_MIN: f64 = 25.0;
 /// The track is followed for this long, and at least for two thirds of it.
@@ -69,11 +74,18 @@ impl CrossCheck {
         sources: &[SourceId],
         state: &FlightState,
         said: impl Fn(SourceId, P) -> Result<f64, Invalid>,
+        standing: impl Fn(SourceId) -> Duration,
         now: Monotonic,
     ) {
         self.follow(state, now);
         let speed = state.read(P::GroundSpeed, now).ok();
-        let felt = state.read(P::LateralAcceleration, now).unwrap_or(0.0);
+        let lateral = state.read(P::LateralAcceleration, now);
+        let felt = lateral.unwrap_or(0.0);
+        let apart_degrees = if lateral.is_ok() {
+            TURNING_DEGREES
+        } else {
+            BLIND_DEGREES
+        };
         for &source in sources {
             let turn = self.turn_radps().or_else(|| {
                 let mut others = sources.iter().filter(|other| **other != source);
@@ -83,7 +95,19 @@ impl CrossCheck {
                 })
             });
             let evidence = match said(source, P::Roll) {
-                Ok(roll) if roll.abs().to_degrees() >= LEVEL_DEGREES => Evidence::Against,
+                Ok(roll) if roll.abs().to_degrees() >= LEVEL_DEGREES => match (speed, turn) {
+                    (Some(speed), Some(turn))
+                        if speed >= SPEED_MIN && standing(source) >= WINDOW =>
+                    {
+                        let bank = (speed * turn / STANDARD_GRAVITY_MPS2 - felt).atan();
+                        if (bank - roll).abs().to_degrees() > apart_degrees {
+                            Evidence::For
+                        } else {
+                            Evidence::Against
+                        }
+                    }
+                    _ => Evidence::Against,
+                },
                 Ok(_) => match (speed, turn) {
                     (Some(speed), Some(turn)) if speed >= SPEED_MIN => {
                         let sideways = speed * turn / STANDARD_GRAVITY_MPS2 - felt;

@@ -5,31 +5,48 @@
 //! called frozen. Silence is not stillness: what gets no frames goes stale by its age, as everything does.
 //!
 //! *Restless* parameters never repeat for long in the air: pitch, roll, body and turn rates, accelerations, slip, airspeeds,
-//! angles of attack and sideslip, a compensated variometer, latitude and longitude. *Calm* ones may: headings, heights, vertical and ground speed, track. A
-//! parameter is frozen, with at least three repeats, when one of these holds:
+//! angles of attack and sideslip, a compensated variometer, latitude and longitude. *Calm* ones may: headings, heights,
+//! vertical and ground speed, track. A restless parameter is *alive* when over 10 s of flight it has changed direction twice a
+//! second or more (the noise of a real sensor), or has hardly ever repeated in 50 values or more (a simulator's floating point).
 //!
-//! 1. **The whole source stands still.** It sends latitude and longitude, or pitch and roll of which one has been noisy or has
-//!    moved by less than half a degree before, and two of these and all of its restless and calm parameters have repeated for 3 s, or,
-//!    but for those two, have gone round in at most three values each for 6 s, as they do when several messages say the same with different rounding. All
-//!    of them are frozen, and whatever else of it stands still.
-//! 2. **Noise has ended.** A restless parameter that used to change direction twice a second or more, over 10 s of flight,
-//!    has repeated for 4 s. (The longest repeat of pitch in a recorded flight of a Dynon `SkyView`, in steps of 0.1 degrees,
-//!    is 3.2 s, of roll 2.6 s.)
-//! 3. **A fine value repeats.** A restless or calm parameter whose smallest step so far is below a thousandth of its usual span (as
-//!    floating-point values are, and whole tenths of a degree are not) has repeated for 10 s.
+//! | what has stopped | found after | longest repeat in recorded flights |
+//! |---|---|---|
+//! | a whole source with four or more parameters alive: all of its restless and calm ones repeat | 1 s | 0.13 s (Dynon SkyView), 0.03 s (D100) |
+//! | a whole source with two or three alive, pitch or roll among them; or a position, alive or not | 3 s | 0.9 s (SkyView, pitch and roll) |
+//! | pitch and roll together, both alive | 2.5 s | 0.9 s (SkyView), 0.6 s (D100) |
+//! | one parameter, alive by not repeating | 2 s | none: every value is new (JSBSim) |
+//! | one parameter, alive by noise | 4 s | 3.2 s of pitch, 2.6 s of roll (SkyView, in tenths of a degree) |
+//! | one restless or calm parameter in steps below a thousandth of its usual span | 10 s | |
+//! | a whole source whose values go round in at most three each, as the same said in several messages does, rounded differently | 6 s | |
+//! | the clock of a receiver, having ticked before: where it is and how it moves, in the air and on the ground | 3 s | 1 s |
+//! | a calm parameter alone | when others show that it must have changed: `witness` | |
+//! | attitude in whole degrees | when the turn does not belong to its bank: `crosscheck` | |
 //!
-//! The first new value ends it at once; of a whole source, for what has been said again since. Limits: a coarse parameter without noise (whole degrees) that stops alone is not
-//! found, because smooth flight looks the same, nor is attitude that has never moved at all; nor is a coarse calm one that stops alone, nor anything below 15 m/s. A simulator
-//! that is paused in flight is found: what it says does not move, and it says that it flies.
+//! With a whole source stands whatever else of it stands. All but the clock need three repeats as well, so that a slow source takes longer. The first new value ends it at once; of a
+//! whole source, for what has been said again since.
+//! Limits: in straight and level flight a coarse parameter without noise that stops alone is not found, because smooth flight
+//! looks the same, and nothing but a clock below 15 m/s. A simulator that is paused in flight is found: what it says does not
+//! move, and it says that it flies.
 
+use super::witness::Standing;
 use crate::signal::Parameter as P;
 use crate::time::Monotonic;
 use std::time::Duration;
 
 /// How fast the aircraft is to be, by its fastest good speed, m/s.
 pub const FLYING_MPS: f64 = 15.0;
-/// How long a whole source stands still.
+/// How long a whole source stands still of which little is known to be alive.
 pub const SOURCE_STILL: Duration = Duration::from_secs(3);
+/// How long a whole source stands still that was alive all over.
+pub const LIVELY_STILL: Duration = Duration::from_secs(1);
+/// So many parameters make it that.
+const LIVELY_MIN: usize = 4;
+/// How long pitch and roll, both alive, stand still together.
+pub const ATTITUDE_STILL: Duration = Duration::from_millis(2500);
+/// How long a parameter repeats that never did.
+pub const NEW_STILL: Duration = Duration::from_secs(2);
+/// How long a clock stands still.
+pub const CLOCK_STILL: Duration = Duration::from_secs(3);
 /// How long, if some of it goes round in a loop of at most three values each: the same said in several messages.
 pub const LOOP_STILL: Duration = Duration::from_secs(6);
 /// How long a noisy parameter repeats.
@@ -38,12 +55,14 @@ pub const NOISY_STILL: Duration = Duration::from_secs(4);
 pub const FINE_STILL: Duration = Duration::from_secs(10);
 /// How often at least.
 const REPEATS_MIN: u32 = 3;
-/// Attitude in steps below this, half a degree, does not repeat as a whole in the air; in whole degrees it does.
-const ATTITUDE_STEP: f64 = 0.0087;
 /// Noise is looked for over this time of flight,
 const NOISE_WINDOW: Duration = Duration::from_secs(10);
-/// in which the value changes direction so often.
+/// in which the value changes direction so often,
 const NOISE_REVERSALS: u32 = 20;
+/// or repeats no more than once in so many values,
+const NEW_PER_REPEAT: u32 = 50;
+/// of which there are so many.
+const NEW_VALUES_MIN: u32 = 50;
 
 /// How a parameter behaves in the air.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,14 +143,20 @@ struct Trace {
     /// The window in which changes of direction are counted.
     window: Option<Monotonic>,
     reversals: u32,
+    values: u32,
+    repeated: u32,
     noisy: bool,
+    /// Whether it hardly ever repeats.
+    new: bool,
 }
 
 impl Trace {
     fn see(&mut self, value: f64, at: Monotonic) {
         self.last = Some(at);
+        self.values = self.values.saturating_add(1);
         if self.since.is_some() && value.to_bits() == self.value.to_bits() {
             self.repeats = self.repeats.saturating_add(1);
+            self.repeated = self.repeated.saturating_add(1);
             return;
         }
         let is_known = self.before.iter().any(|x| x.to_bits() == value.to_bits());
@@ -158,8 +183,10 @@ impl Trace {
         let window = *self.window.get_or_insert(at);
         if at.since(window).is_none_or(|d| d >= NOISE_WINDOW) {
             self.noisy = self.reversals >= NOISE_REVERSALS;
+            self.new = self.values >= NEW_VALUES_MIN
+                && self.repeated.saturating_mul(NEW_PER_REPEAT) <= self.values;
             self.window = Some(at);
-            self.reversals = 0;
+            (self.reversals, self.values, self.repeated) = (0, 0, 0);
         }
         (self.value, self.since, self.repeats) = (value, Some(at), 0);
     }
@@ -173,18 +200,20 @@ impl Trace {
     }
 
     /// Whether it stands still, or goes round in the same few values, as it does when its source stands still.
-    fn stands(&self, flying_since: Monotonic, now: Monotonic) -> bool {
+    fn stands(&self, least: Duration, flying_since: Monotonic, now: Monotonic) -> bool {
         let still = self.still(flying_since, now);
         let since = self.loop_since.map(|since| since.max(flying_since));
-        still.is_some_and(|d| d >= SOURCE_STILL)
+        still.is_some_and(|d| d >= least)
             || since.is_some_and(|since| now.since(since).is_some_and(|d| d >= LOOP_STILL))
     }
 
     /// Whether it stands still all by itself.
     fn frozen(&self, parameter: P, nature: Nature, still: Duration) -> bool {
         let fine = self.step > 0.0 && self.step < fine_step(parameter);
-        let noisy = self.noisy && nature == Nature::Restless;
-        (noisy && still >= NOISY_STILL) || (fine && still >= FINE_STILL)
+        let restless = nature == Nature::Restless;
+        (restless && self.noisy && still >= NOISY_STILL)
+            || (restless && self.new && still >= NEW_STILL)
+            || (fine && still >= FINE_STILL)
     }
 }
 
@@ -223,51 +252,101 @@ impl Stillness {
 
     /// Judges at `now`, in flight since `flying_since`.
     pub(super) fn judge(&mut self, flying_since: Option<Monotonic>, now: Monotonic) {
+        let clock_stands = self.clock_stands(now);
         let Some(flying_since) = flying_since else {
             self.frozen = [false; P::COUNT];
+            for &p in P::ALL {
+                self.frozen[p.index()] = clock_stands && self.is_fresh(p, now);
+            }
             return;
         };
-        let fresh = |p: P| {
-            let last = self.traces[p.index()].last;
-            last.is_some_and(|at| now.since(at).is_some_and(|age| age <= p.spec().age_max))
+        let watched = |p: P| nature(p) != Nature::Still && self.is_fresh(p, now);
+        let still = |p: P, least: Duration| {
+            let still = self.traces[p.index()].still(flying_since, now);
+            still.is_some_and(|d| d >= least)
         };
-        let watched = |p: P| nature(p) != Nature::Still && fresh(p);
-        let still = |p: P| self.traces[p.index()].still(flying_since, now);
-        let pair = |a: P, b: P| watched(a) && watched(b);
-        let lively = |p: P| {
+        let alive = |p: P| {
             let trace = &self.traces[p.index()];
-            trace.noisy || (trace.step > 0.0 && trace.step < ATTITUDE_STEP)
+            nature(p) == Nature::Restless && watched(p) && (trace.noisy || trace.new)
         };
-        let attitude = pair(P::Pitch, P::Roll) && (lively(P::Pitch) || lively(P::Roll));
-        let telling = attitude || pair(P::Latitude, P::Longitude);
-        // Loops are believed only beside something that does stand.
-        let exact = |p: P| still(p).is_some_and(|d| d >= SOURCE_STILL);
-        let stands =
-            (exact(P::Pitch) && exact(P::Roll)) || (exact(P::Latitude) && exact(P::Longitude));
-        let whole = telling
-            && stands
-            && P::ALL
-                .iter()
-                .filter(|p| watched(**p))
-                .all(|p| self.traces[p.index()].stands(flying_since, now));
-        if self.whole && !whole {
-            self.thawed_at = Some(now);
-        }
-        self.whole = whole;
+        let living = P::ALL.iter().filter(|p| alive(**p)).count();
+        let has_attitude = watched(P::Pitch) && watched(P::Roll);
+        let has_position = watched(P::Latitude) && watched(P::Longitude);
+        let telling =
+            has_position || (has_attitude && living >= 2 && (alive(P::Pitch) || alive(P::Roll)));
+        let least = if living >= LIVELY_MIN {
+            LIVELY_STILL
+        } else {
+            SOURCE_STILL
+        };
+        let whole = clock_stands
+            || (telling
+                && P::ALL
+                    .iter()
+                    .filter(|p| watched(**p))
+                    .all(|p| self.traces[p.index()].stands(least, flying_since, now)));
+        let attitude = [P::Pitch, P::Roll];
+        let attitude_stands = attitude
+            .iter()
+            .all(|p| alive(*p) && still(*p, ATTITUDE_STILL));
+        let thawed_at = if self.whole && !whole {
+            Some(now)
+        } else {
+            self.thawed_at
+        };
+        let mut frozen = [false; P::COUNT];
         for &p in P::ALL {
             let i = p.index();
-            // What has not been said again since is as old as it was.
-            let last = self.traces[i].last;
-            let waits = self.frozen[i] && self.thawed_at.is_some_and(|thaw| last <= Some(thaw));
-            self.frozen[i] = waits
-                || match nature(p) {
-                    // What may stand is as old as what may not, when its whole source stands.
-                    Nature::Still => whole && fresh(p) && self.traces[i].stands(flying_since, now),
-                    _ if !fresh(p) => false,
-                    _ if whole => true,
-                    nature => still(p).is_some_and(|d| self.traces[i].frozen(p, nature, d)),
-                };
+            let trace = &self.traces[i];
+            let stands = match nature(p) {
+                // What may stand is as old as what may not, when its whole source stands.
+                Nature::Still => whole && trace.stands(SOURCE_STILL, flying_since, now),
+                nature => {
+                    let still = trace.still(flying_since, now);
+                    whole
+                        || (attitude_stands && attitude.contains(&p))
+                        || still.is_some_and(|d| trace.frozen(p, nature, d))
+                }
+            };
+            // What has not been said again since its source moves is as old as it was.
+            let waits = self.frozen[i] && thawed_at.is_some_and(|thaw| trace.last <= Some(thaw));
+            frozen[i] = (stands || clock_stands || waits) && self.is_fresh(p, now);
         }
+        self.frozen = frozen;
+        (self.whole, self.thawed_at) = (whole, thawed_at);
+    }
+
+    fn is_fresh(&self, p: P, now: Monotonic) -> bool {
+        let last = self.traces[p.index()].last;
+        last.is_some_and(|at| now.since(at).is_some_and(|age| age <= p.spec().age_max))
+    }
+
+    /// Whether the source sends the same time of day again and again, having sent another before.
+    fn clock_stands(&self, now: Monotonic) -> bool {
+        let clock = &self.traces[P::UtcTimeOfDay.index()];
+        let stood = clock.since.and_then(|since| now.since(since));
+        clock.step > 0.0
+            && clock.repeats >= REPEATS_MIN
+            && self.is_fresh(P::UtcTimeOfDay, now)
+            && stood.is_some_and(|d| d >= CLOCK_STILL)
+    }
+
+    /// When the present value of a parameter was first said.
+    pub(super) const fn since(&self, p: P) -> Option<Monotonic> {
+        self.traces[p.index()].since
+    }
+
+    /// The value of a parameter, if it repeats and is fresh.
+    pub(super) fn standing(&self, p: P, now: Monotonic) -> Option<Standing> {
+        let trace = &self.traces[p.index()];
+        let since = trace
+            .since
+            .filter(|_| trace.repeats > 0 && self.is_fresh(p, now))?;
+        Some(Standing {
+            value: trace.value,
+            since,
+            repeats: trace.repeats,
+        })
     }
 
     /// Whether a parameter was found frozen.

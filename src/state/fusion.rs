@@ -22,11 +22,13 @@ use super::derive::Deriver;
 use super::frozen::{FLYING_MPS, Stillness};
 use super::jump::Jumps;
 use super::traffic::{FEED_AGE_MAX, Feed, Skies};
+use super::witness::Witnesses;
 use crate::limits::SOURCES_MAX;
 use crate::sampled::{Invalid, Sampled};
 use crate::signal::{Limit, Parameter, Report, Signal, Sink, SourceId, Traffic};
 use crate::time::Monotonic;
 use arrayvec::ArrayVec;
+use std::time::Duration;
 
 /// What every source last said, the order in which they are believed, and what is to be thought of it.
 #[derive(Clone, Debug)]
@@ -59,6 +61,7 @@ impl Fusion {
                 stillness: vec![Stillness::new(); SOURCES_MAX],
                 jumps: vec![Jumps::new(); SOURCES_MAX],
                 contradicted: [false; SOURCES_MAX],
+                witnesses: Witnesses::new(),
                 last: [None; SOURCES_MAX],
                 tells_traffic: [false; SOURCES_MAX],
             },
@@ -151,8 +154,11 @@ impl Fusion {
         state.around.feed = heard.feed(now);
         state.bounds = self.bounds;
         // What is refuted now is taken away with the next picture.
+        heard.watch(&state, self.flying_since.is_some(), now);
         let said = |s, p| heard.believed(s, p).read(now, p.spec().age_max);
-        self.crosscheck.step(&heard.order, &state, said, now);
+        let standing = |s: SourceId| heard.stands(s, Parameter::Roll, now);
+        self.crosscheck
+            .step(&heard.order, &state, said, standing, now);
         heard.contradicted = self.crosscheck.contradicted();
         state
     }
@@ -167,6 +173,8 @@ struct Heard {
     jumps: Vec<Jumps>,
     /// Sources whose attitude is refuted.
     contradicted: [bool; SOURCES_MAX],
+    /// Calm values that stand still while others move.
+    witnesses: Witnesses,
     /// When each source last said anything.
     last: [Option<Monotonic>; SOURCES_MAX],
     tells_traffic: [bool; SOURCES_MAX],
@@ -211,6 +219,24 @@ impl Heard {
                 ])
             })
             .is_some_and(|speed| speed >= FLYING_MPS)
+    }
+
+    /// Lets everything that moves bear witness of what does not.
+    fn watch(&mut self, state: &FlightState, flies: bool, now: Monotonic) {
+        if !flies {
+            return self.witnesses.forget();
+        }
+        let stillness = &self.stillness;
+        let standing = |s: SourceId, p| stillness[usize::from(s.0)].standing(p, now);
+        self.witnesses.step(&self.order, state, standing, now);
+    }
+
+    /// How long a value has repeated.
+    fn stands(&self, source: SourceId, parameter: Parameter, now: Monotonic) -> Duration {
+        let standing = self.stillness[usize::from(source.0)].standing(parameter, now);
+        standing
+            .and_then(|s| now.since(s.since))
+            .unwrap_or_default()
     }
 
     /// Whether anybody would tell of other aircraft.
@@ -270,9 +296,12 @@ impl Heard {
 
     /// What a source last said, if its sensor has neither stopped nor jumped.
     fn believed(&self, source: SourceId, parameter: Parameter) -> Sampled<f64> {
-        let source = usize::from(source.0);
+        let index = usize::from(source.0);
+        let since = self.stillness[index].since(parameter);
+        let stopped = since.is_some_and(|t| self.witnesses.is_frozen(source, parameter, t));
+        let source = index;
         let last = self.said[source][parameter.index()];
-        if self.stillness[source].is_frozen(parameter) {
+        if stopped || self.stillness[source].is_frozen(parameter) {
             refuted(last, Invalid::Frozen)
         } else if self.jumps[source].has_jumped(parameter) {
             refuted(last, Invalid::Implausible)

@@ -13,6 +13,7 @@ pub mod magnetic;
 pub mod snapshot;
 pub mod traffic;
 mod trail;
+mod witness;
 mod wmm2025;
 
 pub use fusion::Fusion;

@@ -186,3 +186,58 @@ fn short_turns_do_not_add_up() {
         );
     }
 }
+
+#[test]
+fn slow_turns_to_either_side_are_seen_through_and_wind_changes_nothing() {
+    // The limit is 10 degrees of bank: 2 degrees a second at 50 m/s, as the ground speed in a wind has it too.
+    for (speed_mps, turn_degrees) in [(50.0, 2.1), (50.0, -2.1), (30.0, 3.4), (75.0, -1.4)] {
+        let mut bench = Bench::new();
+        let turning = Flight {
+            speed_mps,
+            turn_degrees,
+            ..TURNING
+        };
+        let straight = Flight {
+            turn_degrees: 0.0,
+            ..turning
+        };
+        assert!(bench.fly(10, straight).is_ok(), "straight");
+        let after = bench.fly(9, turning);
+        assert_eq!(
+            after,
+            Err(Invalid::Implausible),
+            "{speed_mps} m/s, {turn_degrees}"
+        );
+    }
+}
+
+/// What may be shown of a roll that stands still at 15 degrees, whatever the turn does.
+fn stuck_at_fifteen(bench: &mut Bench, turn_degrees: f64, seconds: u64) -> Result<f64, Invalid> {
+    let mut roll = Err(Invalid::NeverReceived);
+    for _ in 0..seconds * 10 {
+        bench.t_ms += 100;
+        bench.track += turn_degrees.to_radians() * 0.1;
+        bench.say(AHRS, P::Roll, 15_f64.to_radians());
+        bench.say(AHRS, P::Pitch, 0.0);
+        bench.say(AHRS, P::LateralAcceleration, 0.0);
+        if bench.t_ms.is_multiple_of(1000) {
+            bench.say(GPS, P::GroundSpeed, 50.0);
+            let track = crate::angle::wrap_turn(Radians(bench.track)).0;
+            bench.say(GPS, P::Track, track);
+        }
+        let now = Monotonic::from_nanos(bench.t_ms * 1_000_000);
+        roll = bench.fusion.step(now).read(P::Roll, now);
+    }
+    roll
+}
+
+#[test]
+fn a_bank_that_stands_still_is_refuted_when_the_turn_ends_or_reverses() {
+    for turn_degrees in [0.0, -3.0] {
+        let mut bench = Bench::new();
+        let roll = stuck_at_fifteen(&mut bench, 3.0, 60);
+        assert!(roll.is_ok(), "it belongs to the turn: {roll:?}");
+        let roll = stuck_at_fifteen(&mut bench, turn_degrees, 9);
+        assert_eq!(roll, Err(Invalid::Implausible), "turning at {turn_degrees}");
+    }
+}
