@@ -17,13 +17,13 @@
 //! | one parameter, alive by not repeating | 2 s | none: every value is new (JSBSim) |
 //! | one parameter, alive by noise | 4 s | 3.2 s of pitch, 2.6 s of roll (SkyView, in tenths of a degree) |
 //! | one restless or calm parameter in steps below a thousandth of its usual span | 10 s | |
-//! | a whole source whose attitude or position repeats and whose other values go round in at most three each, as the same said in several messages does, rounded differently | 6 s | |
+//! | a whole source whose values go round in at most three each, as the same said in several messages does, rounded differently | 6 s | |
 //! | the clock of a receiver, having ticked before: where it is and how it moves, in the air and on the ground | 3 s | 1 s |
 //! | a calm parameter alone | when others show that it must have changed: `witness` | |
 //! | attitude in whole degrees | when the turn does not belong to its bank: `crosscheck` | |
 //!
-//! With a whole source stands whatever else of it stands. All but the clock need three repeats as well, so that a slow source takes longer. The first new value ends it at
-//! once; of a whole source, for what has been said again since.
+//! With a whole source stands whatever else of it stands. All but the clock need three repeats as well, so that a slow source takes longer. The first new value ends it at once; of a
+//! whole source, for what has been said again since.
 //! Limits: in straight and level flight a coarse parameter without noise that stops alone is not found, because smooth flight
 //! looks the same, and nothing but a clock below 15 m/s. A simulator that is paused in flight is found: what it says does not
 //! move, and it says that it flies.
@@ -279,12 +279,12 @@ impl Stillness {
         } else {
             SOURCE_STILL
         };
-        // Loops are believed only beside something that does stand.
-        let stand = |pair: [P; 2]| pair.iter().all(|p| still(*p, least));
-        let attests = stand([P::Pitch, P::Roll]) || stand([P::Latitude, P::Longitude]);
-        let stands = |p: P| self.traces[p.index()].stands(least, flying_since, now);
         let whole = clock_stands
-            || (telling && attests && P::ALL.iter().filter(|p| watched(**p)).all(|p| stands(*p)));
+            || (telling
+                && P::ALL
+                    .iter()
+                    .filter(|p| watched(**p))
+                    .all(|p| self.traces[p.index()].stands(least, flying_since, now)));
         let attitude = [P::Pitch, P::Roll];
         let attitude_stands = attitude
             .iter()
@@ -308,9 +308,9 @@ impl Stillness {
                         || still.is_some_and(|d| trace.frozen(p, nature, d))
                 }
             };
-            // What has not been said again since is as old as it was.
+            // What has not been said again since its source moves is as old as it was.
             let waits = self.frozen[i] && thawed_at.is_some_and(|thaw| trace.last <= Some(thaw));
-            frozen[i] = waits || ((stands || clock_stands) && self.is_fresh(p, now));
+            frozen[i] = (stands || clock_stands || waits) && self.is_fresh(p, now);
         }
         self.frozen = frozen;
         (self.whole, self.thawed_at) = (whole, thawed_at);
