@@ -299,7 +299,7 @@ fn change(booth: &mut Booth, view: &Camera, now: Monotonic) -> (Option<Partition
     }
 }
 
-fn after(begin: Monotonic, milliseconds: u64) -> Monotonic {
+const fn after(begin: Monotonic, milliseconds: u64) -> Monotonic {
     begin.plus(Duration::from_millis(milliseconds))
 }
 

@@ -139,120 +139,121 @@ fn a_flight_is_the_same_every_time() {
     }
 }
 
+/// Arguments of `simulate`, its exit code, and what its one line has to say.
+type Case = (&'static [&'static str], i32, &'static [&'static str]);
+
+const REFUSED: [Case; 9] = [
+    (
+        &[
+            "--profile",
+            "demo",
+            "--as",
+            "can-fix",
+            "--to",
+            "can:nosuchcan7",
+        ],
+        4,
+        &["can nosuchcan7: there is no such interface", "ip link"],
+    ),
+    (
+        &[
+            "--profile",
+            "demo",
+            "--as",
+            "nmea",
+            "--to",
+            "serial:/dev/ttyNONE",
+        ],
+        4,
+        &["serial /dev/ttyNONE: there is no such port"],
+    ),
+    (
+        &["--profile", "demo", "--as", "nmea", "--to", "can:vcan0"],
+        2,
+        &["--to: nmea does not travel so", "serial:PORT"],
+    ),
+    (
+        &[
+            "--profile",
+            "demo",
+            "--as",
+            "can-fix",
+            "--to",
+            "udp:127.0.0.1:9",
+        ],
+        2,
+        &["--to: can-fix does not travel so"],
+    ),
+    (
+        &["--profile", "demo", "--as", "nmea", "--to", "udp:here"],
+        2,
+        &["udp:127.0.0.1:5500"],
+    ),
+    (
+        &[
+            "--profile",
+            "none.toml",
+            "--as",
+            "nmea",
+            "--to",
+            "file:/dev/null",
+        ],
+        3,
+        &["none.toml:", "name a flight profile, or demo"],
+    ),
+    (
+        &[
+            "--profile",
+            "demo",
+            "--as",
+            "nmea",
+            "--to",
+            "file:/dev/null",
+            "--fault",
+            "melt@3",
+        ],
+        2,
+        &["--fault melt@3: there is no kind \"melt\"", "one of stop,"],
+    ),
+    (
+        &[
+            "--profile",
+            "demo",
+            "--as",
+            "mgl",
+            "--to",
+            "file:/dev/null",
+            "--fault",
+            "nan@3:pitch",
+        ],
+        2,
+        &["cannot say nan of pitch_rad"],
+    ),
+    (
+        &[
+            "--profile",
+            "demo",
+            "--as",
+            "mgl",
+            "--to",
+            "file:/dev/null",
+            "--fault",
+            "bus-off@3",
+        ],
+        2,
+        &["is a fault of CAN buses"],
+    ),
+];
+
 #[test]
 fn what_cannot_be_is_one_line() {
     let folder = support::scratch_dir("simulate-refused");
     let bad = folder.join("bad.toml");
     std::fs::write(&bad, "[start]\nlatitude_deg = 95\n").expect("written");
     let bad = bad.display().to_string();
-    let cases: [(&[&str], i32, &[&str]); 10] = [
-        (
-            &[
-                "--profile",
-                "demo",
-                "--as",
-                "can-fix",
-                "--to",
-                "can:nosuchcan7",
-            ],
-            4,
-            &["can nosuchcan7: there is no such interface", "ip link"],
-        ),
-        (
-            &[
-                "--profile",
-                "demo",
-                "--as",
-                "nmea",
-                "--to",
-                "serial:/dev/ttyNONE",
-            ],
-            4,
-            &["serial /dev/ttyNONE: there is no such port"],
-        ),
-        (
-            &["--profile", "demo", "--as", "nmea", "--to", "can:vcan0"],
-            2,
-            &["--to: nmea does not travel so", "serial:PORT"],
-        ),
-        (
-            &[
-                "--profile",
-                "demo",
-                "--as",
-                "can-fix",
-                "--to",
-                "udp:127.0.0.1:9",
-            ],
-            2,
-            &["--to: can-fix does not travel so"],
-        ),
-        (
-            &["--profile", "demo", "--as", "nmea", "--to", "udp:here"],
-            2,
-            &["udp:127.0.0.1:5500"],
-        ),
-        (
-            &["--profile", &bad, "--as", "nmea", "--to", "file:/dev/null"],
-            2,
-            &["bad.toml: line 1, start: missing field"],
-        ),
-        (
-            &[
-                "--profile",
-                "none.toml",
-                "--as",
-                "nmea",
-                "--to",
-                "file:/dev/null",
-            ],
-            3,
-            &["none.toml:", "name a flight profile, or demo"],
-        ),
-        (
-            &[
-                "--profile",
-                "demo",
-                "--as",
-                "nmea",
-                "--to",
-                "file:/dev/null",
-                "--fault",
-                "melt@3",
-            ],
-            2,
-            &["--fault melt@3: there is no kind \"melt\"", "one of stop,"],
-        ),
-        (
-            &[
-                "--profile",
-                "demo",
-                "--as",
-                "mgl",
-                "--to",
-                "file:/dev/null",
-                "--fault",
-                "nan@3:pitch",
-            ],
-            2,
-            &["cannot say nan of pitch_rad"],
-        ),
-        (
-            &[
-                "--profile",
-                "demo",
-                "--as",
-                "mgl",
-                "--to",
-                "file:/dev/null",
-                "--fault",
-                "bus-off@3",
-            ],
-            2,
-            &["is a fault of CAN buses"],
-        ),
-    ];
-    for (args, code, parts) in cases {
+    let mine: [&str; 6] = ["--profile", &bad, "--as", "nmea", "--to", "file:/dev/null"];
+    let missing: (&[&str], i32, &[&str]) = (&mine, 2, &["bad.toml: line 1, start: missing field"]);
+    for (args, code, parts) in REFUSED.into_iter().chain([missing]) {
         let output = glasswing(&[&["simulate"], args].concat());
         let said = String::from_utf8_lossy(&output.stderr);
         assert_eq!(output.status.code(), Some(code), "{args:?}: {said}");

@@ -42,6 +42,8 @@ impl Profile {
         motion(&mut truth, &sample);
         self.air(&mut truth, &sample);
         position(&mut truth, &sample);
+        let above_ground = sample.altitude_msl.0 - self.ground_m;
+        truth.set(P::HeightAgl, Ok(above_ground));
         let year = magnetic::decimal_year(day);
         magnetics(&mut truth, magnetic::variation(&sample.position, year).ok());
         self.selected(&mut truth);
