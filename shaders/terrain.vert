@@ -37,7 +37,7 @@ void main() {
     ivec2 cell = ivec2(gl_VertexID & 31, gl_VertexID >> 5) + ivec2(block.x - odd, block.z);
     cell = ivec2(clamp(cell.x, block.x, block.y), min(cell.y, block.w));
     // On the outer edge only the posts that the coarser level has too: all bits but the lowest there, else all.
-    cell &= (min(min(cell, window.w - cell), 1) - 2).yx;
+    cell &= min(min(cell, window.w - cell) - 2, -1).yx;
 
     ivec2 texel = (cell + window.xy) & torus.x;
     ivec2 codes = ivec2(texelFetch(heights, texel, 0).xy);

@@ -62,6 +62,7 @@ fn every_command_has_help_with_an_example() {
         &["decode"],
         &["record"],
         &["replay"],
+        &["simulate"],
         &["check"],
         &["list"],
     ];
@@ -83,19 +84,15 @@ fn every_command_has_help_with_an_example() {
 }
 
 #[test]
-fn what_does_not_exist_yet_is_not_offered() {
-    let help = text(&glasswing(&["--help"]).stdout);
-    for absent in ["simulate"] {
-        assert!(!help.contains(absent), "{absent} is offered:\n{help}");
-        refused(&[absent], 2, &[absent]);
-    }
-}
-
-#[test]
 fn wrong_usage_is_one_line() {
     refused(&["run", "--boards", "x"], 2, &["--boards", "--help"]);
     refused(&["shot", "--eye", "1,2"], 2, &["--eye"]);
     refused(&["run", "--seconds", "minus"], 2, &["--seconds"]);
+    refused(
+        &["simulate", "--profile", "demo"],
+        2,
+        &["--as", "simulate --help"],
+    );
 }
 
 #[test]

@@ -14,10 +14,13 @@ use clipmap_support::earth::{Earth, above_ground_m};
 use clipmap_support::support::is_emulated;
 use clipmap_support::{Dice, gpu};
 use glasswing::geo::{Camera, Geodetic};
+use glasswing::gl::Gpu;
 use glasswing::gl::look::Look;
 use glasswing::heap;
 use glasswing::terrain::partition::{Partition, SEAM_LATITUDE_DEG};
+use glasswing::terrain::scene::Scene;
 use glasswing::time::Monotonic;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -264,6 +267,165 @@ fn flying_over_the_seam_changes_the_partition_once_and_not_the_picture() {
         );
         assert!(changed[0] < 0.5, "{} of 255", changed[0]);
     }
+}
+
+/// A booth whose eye stands before the seam, with the other partition resident; and views from latitudes beside the seam.
+fn before_the_seam(gpu: &Rc<Gpu>) -> (Booth, impl Fn(f64) -> Camera) {
+    let mut booth = Booth::new(gpu, 127, earth());
+    let height_m = over(SEAM_LATITUDE_DEG, 20.0, 150.0).height_ellipsoid.0 + 400.0;
+    let at = move |past_deg: f64| {
+        let eye = Geodetic::from_degrees(SEAM_LATITUDE_DEG + past_deg, 20.0, height_m);
+        camera(eye, (0.0, -8.0, 0.0), 60.0)
+    };
+    for past_deg in [-0.2, 0.0, 0.15, 0.249] {
+        booth.settle(&at(past_deg));
+    }
+    (booth, at)
+}
+
+/// Holds the clock and the eye until the partition has changed. Returns the frames' partition and what is left of the other.
+fn change(booth: &mut Booth, view: &Camera, now: Monotonic) -> (Option<Partition>, Option<f64>) {
+    let begun = Monotonic::read();
+    let before = booth.terrain.scene().map(Scene::partition);
+    loop {
+        let figures = booth.terrain.prepare(view, now, 65_536).expect("a camera");
+        if figures.partition != before {
+            booth.show();
+            return (figures.partition, booth.terrain.going());
+        }
+        let waited = Monotonic::read().since(begun).unwrap_or_default();
+        assert!(waited < Duration::from_secs(120), "changes: {view:?}");
+        std::thread::park_timeout(Duration::from_millis(1));
+    }
+}
+
+const fn after(begin: Monotonic, milliseconds: u64) -> Monotonic {
+    begin.plus(Duration::from_millis(milliseconds))
+}
+
+#[test]
+fn one_partition_fades_into_the_other_by_equal_steps() {
+    let (gpu, _screen) = gpu(WIDTH, HEIGHT);
+    let (mut booth, at) = before_the_seam(&gpu);
+    let begin = Monotonic::read();
+    let view = at(0.251);
+    let prepare = |booth: &mut Booth, milliseconds| {
+        let now = after(begin, milliseconds);
+        let before = heap::allocations_of_this_thread();
+        let figures = booth.terrain.prepare(&view, now, 65_536);
+        assert_eq!(
+            heap::allocations_of_this_thread() - before,
+            0,
+            "{milliseconds} ms"
+        );
+        figures.expect("a camera")
+    };
+    let calls = booth.terrain.draw_calls();
+    // No time has passed since.
+    booth
+        .terrain
+        .prepare(&at(0.249), begin, 65_536)
+        .expect("a camera");
+    let began = change(&mut booth, &view, begin);
+    assert_eq!(began, (Some(Partition::North), Some(1.0)), "as it was");
+    let first = booth.pixels.clone();
+    let (mut last, mut steps) = (first.clone(), Vec::new());
+    let mut opacity = 1.0;
+    for frame in 1..=12 {
+        let figures = prepare(&mut booth, frame * 100);
+        booth.show();
+        assert_eq!(figures.partition, Some(Partition::North), "frame {frame}");
+        let left = 1.0 - 0.1 * frame as f64;
+        let going = booth.terrain.going().unwrap_or_default();
+        assert!(
+            (going - left.max(0.0)).abs() < 1e-6,
+            "{going} in frame {frame}"
+        );
+        assert!(going < opacity || going <= 0.0, "fainter and fainter");
+        opacity = going;
+        assert!(going <= 0.0 || !figures.settled, "settled when it is over");
+        assert!(
+            booth.terrain.draw_calls() <= 3 * calls.max(8),
+            "three passes"
+        );
+        steps.push(
+            last.iter()
+                .zip(&booth.pixels)
+                .map(|(a, b)| a.abs_diff(*b))
+                .collect::<Vec<u8>>(),
+        );
+        last.clone_from(&booth.pixels);
+    }
+    let whole: Vec<u8> = first
+        .iter()
+        .zip(&last)
+        .map(|(a, b)| a.abs_diff(*b))
+        .collect();
+    let most = whole.iter().copied().max().unwrap_or_default();
+    let changed = whole.iter().filter(|d| **d > 0).count();
+    println!("{changed} bytes change, by {most} of 255 at most");
+    assert!(most > 4, "there is something to fade: {most}");
+    for (frame, step) in steps.iter().enumerate() {
+        for (step, whole) in step.iter().zip(&whole) {
+            // A tenth of it, and 1 for each of two roundings.
+            let limit = f64::from(*whole) / 10.0 + 2.0;
+            assert!(
+                f64::from(*step) <= limit,
+                "{step} of {whole} in frame {frame}"
+            );
+        }
+    }
+    assert!(steps[10..].iter().flatten().all(|d| *d == 0), "and it ends");
+}
+
+#[test]
+fn a_fade_waits_for_its_clock_turns_back_with_the_eye_and_ends_with_a_leap() {
+    let (gpu, _screen) = gpu(WIDTH, HEIGHT);
+    let (mut booth, at) = before_the_seam(&gpu);
+    let begin = Monotonic::read();
+    let step = |booth: &mut Booth, past_deg: f64, milliseconds: u64| {
+        let now = after(begin, milliseconds);
+        let figures = booth.terrain.prepare(&at(past_deg), now, 65_536);
+        let figures = figures.expect("a camera");
+        booth.show();
+        (figures.partition, booth.terrain.going())
+    };
+    let about = |(partition, going): (Option<Partition>, Option<f64>), wanted: (Partition, f64)| {
+        assert_eq!(partition, Some(wanted.0), "{going:?}");
+        let going = going.unwrap_or_default();
+        assert!((going - wanted.1).abs() < 1e-6, "{going} for {}", wanted.1);
+    };
+    let (geographic, north) = (Partition::Geographic, Partition::North);
+    about(step(&mut booth, 0.249, 0), (geographic, 0.0));
+    about(
+        change(&mut booth, &at(0.251), after(begin, 0)),
+        (north, 1.0),
+    );
+    about(step(&mut booth, 0.251, 200), (north, 0.8));
+    about(step(&mut booth, 0.251, 200), (north, 0.8));
+    about(step(&mut booth, 0.251, 150), (north, 0.8));
+    about(step(&mut booth, 0.251, 250), (north, 0.7));
+    // As fast as is no leap, to the other side of the hysteresis: the cap goes from what there was of it.
+    for past_deg in [0.1, -0.05, -0.2] {
+        about(step(&mut booth, past_deg, 250), (north, 0.7));
+    }
+    about(
+        change(&mut booth, &at(-0.26), after(begin, 250)),
+        (geographic, 0.3),
+    );
+    about(step(&mut booth, -0.26, 350), (geographic, 0.2));
+    about(step(&mut booth, -0.26, 450), (geographic, 0.1));
+    about(step(&mut booth, -0.26, 600), (geographic, 0.0));
+    for past_deg in [-0.1, 0.1, 0.24] {
+        about(step(&mut booth, past_deg, 600), (geographic, 0.0));
+    }
+    about(
+        change(&mut booth, &at(0.26), after(begin, 600)),
+        (north, 1.0),
+    );
+    about(step(&mut booth, 0.26, 700), (north, 0.9));
+    about(step(&mut booth, 1.26, 710), (north, 0.0));
+    about(step(&mut booth, -0.5, 720), (geographic, 0.0));
 }
 
 #[test]

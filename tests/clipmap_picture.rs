@@ -254,14 +254,15 @@ fn the_sea_ends_where_the_ellipsoid_does() {
 fn different(some: &[f32], others: &[f32]) -> usize {
     let differ = |(a, b): &(&f32, &f32)| {
         let near = a.min(**b);
-        a.is_finite() != b.is_finite() || (*a - *b).abs() > (1e-4 * near).max(2e-6 * near * near)
+        a.is_finite() != b.is_finite() || (*a - *b).abs() > 2e-4 * near
     };
     some.iter().zip(others).filter(differ).count()
 }
 
 /// What is left out behind nearer ground changes no picture: at most the odd pixel on a side that two triangles share, which
-/// another order of drawing gives to the other one; and two surfaces that depth cannot tell apart may change places. Depth
-/// resolves a range r to r^2 / (near x 2^23) in the finest level's half of 24 bits: 6e-7 r^2 metres where it begins at 0.2 m.
+/// another order of drawing gives to the other one; and two surfaces that depth cannot tell apart may change places: those
+/// nearer to each other than 1.3e-4 of their range ([`glasswing::terrain::slices`]). Whoever draws hidden blocks too has other
+/// planes and hence other depths.
 #[test]
 fn what_is_left_out_behind_ridges_would_not_have_shown() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);

@@ -28,11 +28,26 @@ fn the_published_vectors_decode() {
     assert_eq!(bench.decoder.counters().good, 2);
 }
 
+/// Each identifier with a number on the wire and what it means in SI, in 11 and in 29 bits.
+fn check(table: &[(u32, f32, Parameter, f64)]) {
+    for &(id, wire, parameter, expected) in table {
+        for extended in [false, true] {
+            let mut bench = Bench::default();
+            let mut frame = float(id, 0, wire);
+            frame.extended = extended;
+            assert_near(bench.one(frame), parameter, expected);
+            assert_eq!(bench.decoder.counters().good, 1, "{id}");
+        }
+        assert!(IDS.contains(&u16::try_from(id).expect("11 bits")), "{id}");
+    }
+}
+
+// The standard's table, section 4.
+
 #[test]
-fn every_identifier_has_its_parameter_unit_and_sign() {
+fn every_identifier_of_flight_has_its_parameter_unit_and_sign() {
     let rad = f64::to_radians;
-    // The standard's table, section 4: identifier, value on the wire, what it means in SI.
-    for (id, wire, parameter, expected) in [
+    check(&[
         (300, 0.25, Parameter::LongitudinalAcceleration, 0.25),
         (301, -0.125, Parameter::LateralAcceleration, -0.125),
         (302, 1.5, Parameter::NormalAcceleration, 1.5),
@@ -64,6 +79,13 @@ fn every_identifier_has_its_parameter_unit_and_sign() {
         (1040, 359.0, Parameter::Track, rad(359.0)),
         (1069, 10.0, Parameter::HeadingMagnetic, rad(10.0)),
         (1133, -180.0, Parameter::HeadingTrue, rad(180.0)),
+    ]);
+}
+
+#[test]
+fn every_identifier_of_air_engine_and_navigation_has_its_parameter_unit_and_sign() {
+    let rad = f64::to_radians;
+    check(&[
         (318, 0.3, Parameter::MachNumber, f64::from(0.3_f32)),
         (323, 290.5, Parameter::TotalAirTemperature, 290.5),
         (325, 25.5, Parameter::DifferentialPressure, 25.5),
@@ -104,16 +126,7 @@ fn every_identifier_has_its_parameter_unit_and_sign() {
         (1087, 1.5, Parameter::LocalizerDeviation, rad(1.5)),
         (1091, -0.5, Parameter::GlidePathDeviation, rad(-0.5)),
         (1122, 3.0, Parameter::SelectedGlidePath, rad(3.0)),
-    ] {
-        for extended in [false, true] {
-            let mut bench = Bench::default();
-            let mut frame = float(id, 0, wire);
-            frame.extended = extended;
-            assert_near(bench.one(frame), parameter, expected);
-            assert_eq!(bench.decoder.counters().good, 1, "{id}");
-        }
-        assert!(IDS.contains(&u16::try_from(id).expect("11 bits")), "{id}");
-    }
+    ]);
     // 48 of them are the engines': twelve quantities, two engines, two channels.
     assert_eq!(IDS.len(), 113, "and no other identifier");
 }

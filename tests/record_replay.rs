@@ -73,6 +73,10 @@ fn packet(k: u32) -> Vec<u8> {
     bytes
 }
 
+/// An ADAHRS message of Dynon SkyView's.
+const SKYVIEW: &str =
+    "!1112345600+052-01232710955+03500-031+02+1025-020+151001+00+03900240125B\r\n";
+
 /// A UDP capture container of a flight.
 fn container(file: &Path, packets: u32) {
     let mut bytes = Vec::new();
@@ -279,8 +283,7 @@ fn every_kind_of_capture_is_replayed_on_its_own_clock() {
     );
     // Bytes of a serial line: 77 ms a frame at 9600 baud.
     let raw = folder.join("skyview.txt");
-    let frame = "!1112345600+052-01232710955+03500-031+02+1025-020+151001+00+03900240125B\r\n";
-    fs::write(&raw, frame.repeat(20)).expect("written");
+    fs::write(&raw, SKYVIEW.repeat(20)).expect("written");
     let (rows, said) = replay(&raw, &[]);
     assert!(
         said.contains("raw bytes have no times") && said.contains("9600 baud (the board's)"),
@@ -291,7 +294,7 @@ fn every_kind_of_capture_is_replayed_on_its_own_clock() {
         last,
         16,
         "{} bytes take 1.58 s but for the first piece",
-        20 * frame.len()
+        20 * SKYVIEW.len()
     );
     let (rows, _) = replay(&raw, &["--baud", "115200"]);
     assert_eq!(
@@ -357,10 +360,9 @@ fn what_was_seen_live_is_what_the_recording_replays_to() {
         .expect("starts");
     wait_for_listener(port);
     // The line falls silent in the middle, so that what it said comes from the other source then.
-    let frame = b"!1112345600+052-01232710955+03500-031+02+1025-020+151001+00+03900240125B\r\n";
     send_while(port, |k| {
         if k % 5 == 0 && k < 80 {
-            line.send(frame);
+            line.send(SKYVIEW.as_bytes());
         }
         run.try_wait().expect("asked").is_none()
     });
@@ -534,69 +536,52 @@ fn a_recording_that_cannot_be_made_or_read_is_one_line() {
     fs::write(&empty, "").expect("written");
     let quiet = folder.join("quiet.toml");
     fs::write(&quiet, "inherit = \"base\"\n").expect("written");
-    let cases: [(&[&str], i32, &str); 7] = [
+    let board = ["--board", text(&file)];
+    let (letter, nowhere, empty) = (text(&letter), text(&nowhere), text(&empty));
+    let with = |words: &[&'static str], path, more: &[&'static str]| {
+        refusal(&[words, &[path], more, &board].concat())
+    };
+    let other = "it is no recording";
+    for (said, code, why) in [
+        (with(&["record", "--out"], letter, &[]), 3, other),
         (
-            &["record", "--board", text(&file), "--out", text(&letter)],
-            3,
-            "it is no recording",
-        ),
-        (
-            &["record", "--board", text(&file), "--out", text(&nowhere)],
+            with(&["record", "--out"], nowhere, &[]),
             1,
             "cannot be written",
         ),
+        (with(&["run", "--record"], letter, &[]), 3, other),
+        (with(&["replay"], nowhere, &[]), 3, "no such recording"),
+        (with(&["replay"], empty, &["--as", "nmea"]), 3, "no frame"),
         (
-            &["record", "--board", text(&quiet), "--out", text(&empty)],
-            2,
-            "names no source",
-        ),
-        (
-            &["replay", text(&nowhere), "--board", text(&file)],
-            3,
-            "there is no such recording",
-        ),
-        (
-            &[
-                "replay",
-                text(&empty),
-                "--board",
-                text(&file),
-                "--as",
-                "nmea",
-            ],
-            3,
-            "holds no frame",
-        ),
-        (
-            &[
-                "replay",
-                text(&letter),
-                "--board",
-                text(&file),
-                "--as",
-                "canaerospace",
-            ],
+            with(&["replay"], letter, &["--as", "can-fix"]),
             3,
             "no frame of a candump log",
         ),
-        (
-            &["run", "--board", text(&file), "--record", text(&letter)],
-            3,
-            "it is no recording",
-        ),
-    ];
-    for (args, code, why) in cases {
-        let output = glasswing(args);
-        let said = String::from_utf8_lossy(&output.stderr);
-        let lines: Vec<&str> = said
-            .lines()
-            .filter(|l| l.starts_with("glasswing: "))
-            .collect();
-        assert_eq!(output.status.code(), Some(code), "{args:?}: {said}");
+    ] {
         assert!(
-            lines.len() == 1 && lines[0].contains(why) && lines[0].ends_with(')'),
-            "{args:?}: {said}"
+            said.0 == Some(code) && said.1.contains(why),
+            "{why}: {said:?}"
         );
     }
-    assert_eq!(fs::read(&letter).expect("there"), b"Dear Sir", "untouched");
+    let (code, said) = refusal(&["record", "--board", text(&quiet), "--out", empty]);
+    assert!(
+        code == Some(2) && said.contains("names no source"),
+        "{said}"
+    );
+    assert_eq!(fs::read(letter).expect("there"), b"Dear Sir", "untouched");
+}
+
+/// The code of a command that is refused, and its one line.
+fn refusal(args: &[&str]) -> (Option<i32>, String) {
+    let output = glasswing(args);
+    let said = String::from_utf8_lossy(&output.stderr);
+    let lines: Vec<&str> = said
+        .lines()
+        .filter(|l| l.starts_with("glasswing: "))
+        .collect();
+    assert!(
+        lines.len() == 1 && lines[0].ends_with(')'),
+        "{args:?}: {said}"
+    );
+    (output.status.code(), lines[0].to_owned())
 }

@@ -161,3 +161,79 @@ fn nothing_recorded_is_ever_taken_for_frozen() {
         assert!(shown > 1000, "{file}: {shown} values shown");
     }
 }
+
+/// Signals of a recording of a byte stream, on a clock that goes on with each attitude (or, without one, position) in it:
+/// such recordings have no times, but known rates.
+fn signals(protocol: Protocol, bytes: &[u8], beat: (Parameter, f64)) -> Vec<Signal> {
+    let mut decoder = protocol.decoder();
+    let mut signals = Vec::new();
+    let mut seconds = 0.0;
+    let frame = Frame {
+        at: at(0.0),
+        source: SourceId(0),
+        wire: Wire::Stream(bytes),
+    };
+    decoder.push(frame, &mut |signal: Signal| {
+        if signal.parameter == beat.0 {
+            seconds += beat.1;
+        }
+        signals.push(Signal {
+            at: at(seconds),
+            ..signal
+        });
+    });
+    signals
+}
+
+#[test]
+fn no_value_of_a_recorded_flight_is_doubted() {
+    let Some(data) = support::data_dir() else {
+        support::skip("no test data");
+        return;
+    };
+    for (file, protocol, beat) in [
+        ("g3x_1.dat", Protocol::GarminG3x, (Parameter::Pitch, 0.1)),
+        (
+            "dynon_skyview_data1.txt",
+            Protocol::DynonSkyView,
+            (Parameter::Pitch, 0.125),
+        ),
+        (
+            "dynon_d100_data1.txt",
+            Protocol::DynonD100,
+            (Parameter::Pitch, 1.0 / 64.0),
+        ),
+        ("mgl_data1.bin", Protocol::Mgl, (Parameter::Pitch, 0.1)),
+        ("stratux_1.dat", Protocol::Gdl90, (Parameter::Pitch, 0.05)),
+        ("stratux_57.dat", Protocol::Gdl90, (Parameter::Pitch, 0.05)),
+        (
+            "xcsoar_rl-traffic.nmea",
+            Protocol::Nmea,
+            (Parameter::AltitudeMsl, 1.0),
+        ),
+    ] {
+        let bytes = std::fs::read(data.join("bus").join(file)).expect("is there");
+        let mut fusion = Fusion::new(&[SourceId(0)]);
+        let mut doubted = std::collections::BTreeMap::new();
+        let mut values = 0;
+        for signal in signals(protocol, &bytes, beat) {
+            fusion.apply(&signal);
+            let said = fusion.step(signal.at).read(signal.parameter, signal.at);
+            values += u32::from(signal.value.is_ok());
+            // The Garmin recording is of a box on a bench, which stands still.
+            let is_doubted = match said {
+                Err(Invalid::Implausible) => true,
+                Err(Invalid::Frozen) => protocol != Protocol::GarminG3x,
+                _ => false,
+            };
+            if signal.value.is_ok() && is_doubted {
+                *doubted.entry(signal.parameter).or_insert(0) += 1;
+            }
+        }
+        let count: u32 = doubted.values().sum();
+        assert!(
+            values > 1000 && count <= 1,
+            "{file}: {values} values, doubted {doubted:?}"
+        );
+    }
+}

@@ -142,7 +142,7 @@ fn can_storm(protocol: Protocol) {
     let mut trial = Trial::new(protocol);
     let mut random = random(protocol);
     let ids = can::ids(protocol == Protocol::CanFix);
-    let types = [2, 2, 2, 2, 2, 3, 30, 31, 0, 1, 12, 40];
+    let types = [2, 2, 2, 2, 2, 2, 3, 4, 6, 7, 9, 10, 30, 31, 0, 1, 12, 40];
     let count = frames();
     for n in 0..count {
         let mut data = random.next().to_be_bytes();
@@ -212,7 +212,7 @@ fn end(protocol: Protocol, count: usize, trial: &Trial, began: std::time::Instan
     let enough = count as u64 / 20;
     assert!(c.good > enough && c.bad_total() > enough, "no storm: {c:?}");
     assert!(
-        trial.tally.confirmed > enough,
+        trial.tally.confirmed > enough / 3,
         "nothing judged: {:?}",
         trial.tally
     );

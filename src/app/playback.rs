@@ -116,7 +116,7 @@ impl Reel {
         match &mut self.feed {
             Feed::Frames(frames) => Ok(frames.next()),
             Feed::Tape(tape) => {
-                let Some(Timed { at, entry }) = tape.next()? else {
+                let Some(Timed { at, entry }) = tape.next_entry()? else {
                     return Ok(None);
                 };
                 let rows = self.frames_of.get(entry.session).into_iter().flatten();

@@ -194,7 +194,7 @@ impl RecordingWatch {
         let failing = (self.report)().failing;
         match (&failing, self.failing) {
             (Some(e), false) => {
-                tracing::warn!("the recording cannot be written: {e} (make room on the disk)")
+                tracing::warn!("the recording cannot be written: {e} (make room on the disk)");
             }
             (None, true) => tracing::warn!("the recording can be written again"),
             _ => {}

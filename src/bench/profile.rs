@@ -51,6 +51,8 @@ struct StartKeys {
     altitude_ft: f64,
     heading_deg: f64,
     airspeed_kt: f64,
+    #[serde(default)]
+    ground_ft: f64,
     #[serde(default = "a_date")]
     date: String,
     #[serde(default = "a_time")]
@@ -164,6 +166,8 @@ pub struct Profile {
     pub first_day: f64,
     /// Its first moment in that day, s.
     pub first_second: f64,
+    /// Altitude of the ground, which is level, above mean sea level, m.
+    pub ground_m: f64,
     /// What the pilot has selected.
     pub bugs: Bugs,
     /// Each leg's end after the start and its engine speed, 1/min.
@@ -193,6 +197,7 @@ impl Profile {
             flight,
             first_day: date(&file.start.date)?,
             first_second: time(&file.start.time)?,
+            ground_m: ground(&file.start)?,
             bugs: bugs(file.bugs)?,
             engine,
             others: others(&file)?,
@@ -262,6 +267,15 @@ fn start(file: &File) -> Result<Start, ProfileError> {
         airspeed: Knots(airspeed).into(),
         bumps: Radians::from_degrees(bumps),
     })
+}
+
+fn ground(keys: &StartKeys) -> Result<f64, ProfileError> {
+    let ground = within(
+        "start.ground_ft",
+        keys.ground_ft,
+        -1500.0..=keys.altitude_ft,
+    )?;
+    Ok(Metres::from(Feet(ground)).0)
 }
 
 fn day(file: &File, place: &Geodetic) -> Result<Day, ProfileError> {

@@ -42,6 +42,8 @@ impl Profile {
         motion(&mut truth, &sample);
         self.air(&mut truth, &sample);
         position(&mut truth, &sample);
+        let above_ground = sample.altitude_msl.0 - self.ground_m;
+        truth.set(P::HeightAgl, Ok(above_ground));
         let year = magnetic::decimal_year(day);
         magnetics(&mut truth, magnetic::variation(&sample.position, year).ok());
         self.selected(&mut truth);
@@ -71,6 +73,7 @@ impl Profile {
                 (P::MachNumber, mach),
                 (P::StaticPressure, still.0),
                 (P::TotalPressure, total),
+                (P::DifferentialPressure, total - still.0),
                 (P::StaticAirTemperature, sample.temperature.0),
                 (P::TotalAirTemperature, sample.temperature.0 * warming),
                 (P::PressureAltitude, sample.pressure_altitude.0),
@@ -163,7 +166,9 @@ impl Profile {
                 (P::OilTemperature, 363.0 + 6.0 * power),
                 (P::CoolantTemperature, 358.0 + 8.0 * power),
                 (P::EngineTime, 512.0 + s / 3600.0),
+                (P::TachometerTime, 448.0 + s / 3600.0),
                 (P::EnginePower, 100.0 * power),
+                (P::FuelRemaining, (2.0 * TANK_L - used).max(0.0)),
                 (FUEL_QUANTITY[0], (TANK_L - used / 2.0).max(0.0)),
                 (FUEL_QUANTITY[1], (TANK_L - used / 2.0).max(0.0)),
                 (BUS_VOLTAGE[0], 13.9 + 0.1 * (0.7 * s).sin()),

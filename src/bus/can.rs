@@ -7,7 +7,7 @@
 //! Linux 6.1).
 
 use super::udp::is_pause;
-use super::{BusError, Event, Link, Source, SourceFigures, WAIT};
+use super::{BusError, Event, Link, Source, SourceFigures, wait_for};
 use crate::signal::{CanData, Wire};
 use crate::time::Monotonic;
 use arrayvec::ArrayVec;
@@ -20,6 +20,7 @@ use std::fs;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Flags and masks of an identifier word (Linux `include/uapi/linux/can.h`).
 const FLAG_EXTENDED: u32 = 0x8000_0000;
@@ -89,7 +90,7 @@ fn open_filtered(interface: &str, ids: Option<&[u16]>) -> io::Result<CanSocket> 
         socket.set_filters(&filters)?;
     }
     socket.set_error_filter_accept_all()?;
-    socket.set_read_timeout(WAIT)?;
+    socket.set_nonblocking(true)?;
     Ok(socket)
 }
 
@@ -135,16 +136,17 @@ impl Socket {
 }
 
 impl Source for Socket {
-    fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
+    fn receive(&mut self, wait: Duration) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
         let Some(socket) = &self.socket else {
             return Err(io::ErrorKind::NotConnected.into());
         };
+        if !wait_for(socket, wait) {
+            self.pause();
+            return Ok(None);
+        }
         let frame = match socket.read_frame() {
             Ok(frame) => frame,
-            Err(e) if is_pause(&e) => {
-                self.pause();
-                return Ok(None);
-            }
+            Err(e) if is_pause(&e) => return Ok(None),
             Err(e) if errno(&e) == Some(Errno::NETDOWN) => {
                 self.figures.fault([Event::Down]);
                 self.figures.set_link(Link::Down);

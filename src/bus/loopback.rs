@@ -1,11 +1,12 @@
 //! A CAN bus within this process, for machines without one: frames with their times of receipt, through a fixed ring.
 
-use super::{BusError, Source, WAIT};
+use super::{BusError, Source};
 use crate::signal::{CanData, Wire};
 use crate::time::Monotonic;
 use std::io;
 use std::sync::{Arc, OnceLock};
 use std::thread::Thread;
+use std::time::Duration;
 
 /// A new bus that holds up to `frames_max` frames on their way.
 #[must_use]
@@ -58,11 +59,11 @@ pub struct Receiver {
 }
 
 impl Source for Receiver {
-    fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
+    fn receive(&mut self, wait: Duration) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
         self.listener.get_or_init(std::thread::current);
-        if self.frames.is_empty() {
+        if self.frames.is_empty() && !wait.is_zero() {
             // A frame sent between the look and the sleep leaves its wake-up behind: the sleep then ends at once.
-            std::thread::park_timeout(WAIT);
+            std::thread::park_timeout(wait);
         }
         Ok(self.frames.pop().ok().map(|(at, can)| (at, Wire::Can(can))))
     }

@@ -22,8 +22,11 @@ pub use udp::bound as udp_socket;
 use crate::limits::{REPORTS_QUEUED_MAX, SIGNALS_QUEUED_MAX};
 use crate::signal::{Frame, Limit, Report, Signal, Sink, SourceId, Traffic, Wire};
 use crate::time::Monotonic;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
 use std::io;
 use std::net::{IpAddr, SocketAddr};
+use std::os::fd::AsFd;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -235,8 +238,8 @@ pub fn spawn_patiently(
 
 /// Something that frames come from.
 trait Source: Send {
-    /// The next frame and when it was received; `None` when there was none for up to [`WAIT`].
-    fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>>;
+    /// The next frame and when it was received; `None` when there was none for up to `wait`, which is [`WAIT`] or nothing.
+    fn receive(&mut self, wait: Duration) -> io::Result<Option<(Monotonic, Wire<'_>)>>;
 
     /// Opens the device, for the first time or again after an error.
     fn open(&mut self) -> Result<(), BusError>;
@@ -293,6 +296,7 @@ impl Feed {
 
 fn listen(mut source: Box<dyn Source>, mut feed: Feed, is_open: bool, stop: &AtomicBool) {
     let mut backoff = Backoff::new();
+    let mut pace = Pace::default();
     let (mut open, mut was_open) = (is_open, is_open);
     while !stop.load(Ordering::Acquire) {
         if !open {
@@ -307,17 +311,80 @@ fn listen(mut source: Box<dyn Source>, mut feed: Feed, is_open: bool, stop: &Ato
             }
             continue;
         }
-        match source.receive() {
+        let wait = if pace.is_busy { Duration::ZERO } else { WAIT };
+        match source.receive(wait) {
             Ok(Some((at, wire))) => {
                 backoff = Backoff::new();
-                feed.take(at, wire);
+                pace.frame(at);
+                feed.take(pace.rested.unwrap_or(at), wire);
             }
+            Ok(None) if pace.is_busy => pace.rest(),
             Ok(None) => {}
             Err(_) => {
                 feed.figures.fault([Event::Lost]);
                 feed.figures.set_link(Link::Closed);
                 open = false;
             }
+        }
+    }
+}
+
+/// Waits until there is something to read, for so long at most. The system's errors come with the read that follows.
+fn wait_for(fd: impl AsFd, wait: Duration) -> bool {
+    if wait.is_zero() {
+        return true;
+    }
+    let wait = Timespec {
+        tv_sec: 0,
+        tv_nsec: i64::from(wait.subsec_nanos()),
+    };
+    let ready = poll(&mut [PollFd::new(&fd, PollFlags::IN)], Some(&wait));
+    !matches!(ready, Ok(0) | Err(Errno::INTR))
+}
+
+/// Of a busy bus not every frame wakes the thread: that would cost more than all the rest. From 2000 frames a second on the
+/// thread reads what there is, then rests for a millisecond. What came meanwhile is stamped with the beginning of the rest:
+/// it counts as a little older than it is, never as younger.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pace {
+    is_busy: bool,
+    /// When the last rest began, while the bus is busy.
+    rested: Option<Monotonic>,
+    counted_since: Option<Monotonic>,
+    frames: u32,
+}
+
+impl Pace {
+    const REST: Duration = Duration::from_millis(1);
+    /// How long frames are counted, and how many of them in that time make a bus busy.
+    const COUNTED: Duration = Duration::from_millis(10);
+    const BUSY_FRAMES: u32 = 20;
+
+    /// A frame was received at `at`.
+    fn frame(&mut self, at: Monotonic) {
+        self.frames += 1;
+        self.look(at);
+    }
+
+    fn look(&mut self, now: Monotonic) {
+        let since = *self.counted_since.get_or_insert(now);
+        let counted = now.since(since).unwrap_or_default();
+        if counted >= Self::COUNTED {
+            let enough = counted.div_duration_f64(Self::COUNTED) * f64::from(Self::BUSY_FRAMES);
+            self.is_busy = f64::from(self.frames) >= enough;
+            (self.frames, self.counted_since) = (0, Some(now));
+            if !self.is_busy {
+                self.rested = None;
+            }
+        }
+    }
+
+    fn rest(&mut self) {
+        let now = Monotonic::read();
+        self.look(now);
+        if self.is_busy {
+            self.rested = Some(now);
+            std::thread::sleep(Self::REST);
         }
     }
 }
@@ -356,6 +423,33 @@ impl Default for Backoff {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Whether a bus is busy after a second of so many frames, evenly spread.
+    fn is_busy_at(pace: &mut Pace, from_s: u64, hz: u64) -> bool {
+        for k in 0..hz {
+            pace.frame(Monotonic::from_nanos(
+                from_s * 1_000_000_000 + k * 1_000_000_000 / hz,
+            ));
+        }
+        pace.is_busy
+    }
+
+    #[test]
+    fn a_bus_is_busy_from_two_thousand_frames_a_second_on() {
+        let mut pace = Pace::default();
+        for (second, hz, busy) in [
+            (1, 1, false),
+            (2, 1800, false),
+            (3, 2200, true),
+            (4, 9000, true),
+            (5, 60, false),
+        ] {
+            assert_eq!(is_busy_at(&mut pace, second, hz), busy, "{hz} Hz");
+        }
+        // After silence a single frame says nothing.
+        pace.frame(Monotonic::from_nanos(100_000_000_000));
+        assert!(!pace.is_busy && pace.rested.is_none(), "nor does silence");
+    }
 
     #[test]
     fn waits_double_up_to_two_seconds() {

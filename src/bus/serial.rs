@@ -25,6 +25,7 @@ use std::io;
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::Path;
+use std::time::Duration;
 
 /// The largest part by which the speed of a port may be off: with 8N1 a byte is sampled for the last time 9.5 bits after
 /// its beginning, where half a bit is 5 %; either end may use up half of that.
@@ -52,13 +53,13 @@ impl Port {
 }
 
 impl Source for Port {
-    fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
+    fn receive(&mut self, wait: Duration) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
         let Some(fd) = &self.fd else {
             return Err(io::ErrorKind::NotConnected.into());
         };
         let wait = Timespec {
             tv_sec: 0,
-            tv_nsec: i64::from(WAIT.subsec_nanos()),
+            tv_nsec: i64::from(wait.subsec_nanos()),
         };
         let mut ready = [PollFd::new(fd, PollFlags::IN)];
         match poll(&mut ready, Some(&wait)) {

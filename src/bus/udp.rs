@@ -1,12 +1,13 @@
 //! UDP: one datagram is one frame.
 
-use super::{BusError, Source, SourceFigures, WAIT};
+use super::{BusError, Source, SourceFigures, WAIT, wait_for};
 use crate::limits::DATAGRAM_BYTES_MAX;
 use crate::signal::Wire;
 use crate::time::Monotonic;
 use std::io;
 use std::net::{IpAddr, SocketAddr, UdpSocket};
 use std::sync::Arc;
+use std::time::Duration;
 
 /// Waits without a datagram after which it is looked whether the address is still there: two seconds.
 const WAITS_BEFORE_LOOK: u32 = 40;
@@ -70,23 +71,31 @@ fn refusal(bind: SocketAddr, source: io::Error) -> BusError {
 /// # Errors
 /// When the address is not of this machine, or is taken.
 pub fn bound(bind: SocketAddr) -> Result<UdpSocket, BusError> {
-    bind_socket(bind).map_err(|source| refusal(bind, source))
+    let patient = |socket: UdpSocket| {
+        socket.set_nonblocking(false)?;
+        socket.set_read_timeout(Some(WAIT)).map(|()| socket)
+    };
+    let socket = bind_socket(bind).and_then(patient);
+    socket.map_err(|source| refusal(bind, source))
 }
 
 fn bind_socket(bind: SocketAddr) -> io::Result<UdpSocket> {
     let socket = UdpSocket::bind(bind)?;
-    socket.set_read_timeout(Some(WAIT))?;
+    socket.set_nonblocking(true)?;
     Ok(socket)
 }
 
 impl Source for Socket {
-    fn receive(&mut self) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
+    fn receive(&mut self, wait: Duration) -> io::Result<Option<(Monotonic, Wire<'_>)>> {
         let Some(socket) = &self.socket else {
             return Err(io::ErrorKind::NotConnected.into());
         };
+        if !wait_for(socket, wait) {
+            return self.pause().map(|()| None);
+        }
         let (len, sender) = match socket.recv_from(&mut self.buffer) {
             Ok(received) => received,
-            Err(e) if is_pause(&e) => return self.pause().map(|()| None),
+            Err(e) if is_pause(&e) => return Ok(None),
             Err(e) => return Err(e),
         };
         let at = Monotonic::read();

@@ -5,6 +5,7 @@
 //! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
 //! tables and blocks rotate through three textures and buffers.
 
+mod plan_buffers;
 pub mod record;
 
 use std::io;
@@ -14,27 +15,24 @@ use std::sync::Arc;
 use arrayvec::ArrayVec;
 use glow::HasContext as _;
 
-use super::buffer::{Attribute, Buffer, Primitive, Role, Scalar, Stream, VertexArray};
+use self::plan_buffers::PlanBuffers;
+use super::buffer::{Buffer, Primitive, Role};
 use super::level_textures::LevelTextures;
 use super::look::{Look, LookUniforms, Variant, with_relief};
 use super::program::{Program, UniformLocation};
-use super::texture::{Filter, Format, Texture, Wrap};
+use super::texture::Texture;
 use super::{GlError, Gpu};
 use crate::geo::{Camera, Geodetic};
-use crate::limits::LEVELS_MAX;
-use crate::terrain::blocks::{BLOCKS_MAX, Block, pattern_indices};
+use crate::terrain::blocks::pattern_indices;
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
-use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Plan, Scene, Settings};
+use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
 use crate::terrain::slices::Slice;
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
 use crate::terrain::world::World;
 use crate::time::Monotonic;
 use crate::units::Metres;
-
-/// Table textures in rotation: one being written, two that the GPU may still read.
-const TABLES: usize = 3;
 
 /// Why the renderer cannot be made.
 #[derive(Debug, thiserror::Error)]
@@ -58,71 +56,6 @@ pub struct TerrainRenderer {
     geographic: Shaders,
     cap: Option<Shaders>,
     indices: u32,
-}
-
-/// What the GPU is given of a scene's plan.
-#[derive(Debug)]
-struct PlanBuffers {
-    tables: [Texture; TABLES],
-    table: usize,
-    /// Version of the tables last written.
-    tabled: Option<u32>,
-    blocks: Stream,
-    region: usize,
-    arrays: [VertexArray; super::buffer::STREAM_REGIONS],
-}
-
-impl PlanBuffers {
-    fn new(
-        gpu: &Rc<Gpu>,
-        (levels, texels): (u8, usize),
-        indices: &Buffer,
-    ) -> Result<Self, GlError> {
-        let (rows, columns) = (2 * u32::from(levels), texel(texels));
-        let (filter, wrap) = (Filter::Nearest, Wrap::Clamp);
-        let table = || Texture::new(gpu, Format::Rgba32F, columns, rows, filter, wrap);
-        let array = || VertexArray::numbered(gpu, indices);
-        let blocks = LEVELS_MAX * BLOCKS_MAX * size_of::<Block>();
-        Ok(Self {
-            tables: [table()?, table()?, table()?],
-            table: 0,
-            tabled: None,
-            blocks: Stream::new(gpu, Role::Vertex, blocks)?,
-            region: 0,
-            arrays: [array()?, array()?, array()?],
-        })
-    }
-
-    /// Writes what has changed. Returns the bytes.
-    fn write(&mut self, plan: &Plan) -> usize {
-        let mut bytes = 0;
-        if self.tabled != Some(plan.tables_version) {
-            self.tabled = Some(plan.tables_version);
-            self.table = (self.table + 1) % TABLES;
-            let texels: &[u8] = bytemuck::cast_slice(&plan.tables);
-            self.tables[self.table].write_all(texels);
-            bytes += texels.len();
-        }
-        if !plan.blocks.is_empty() {
-            self.region = self.blocks.write(&plan.blocks);
-            bytes += size_of_val(plan.blocks.as_slice());
-        }
-        bytes
-    }
-
-    /// The vertex array that draws blocks from the `first` on.
-    fn blocks_from(&self, first: usize) -> &VertexArray {
-        let array = &self.arrays[self.region];
-        let first = first * size_of::<Block>();
-        let block = Attribute {
-            location: 0,
-            components: 4,
-            scalar: Scalar::I16Int,
-            offset_bytes: texel(first),
-        };
-        array.add(&self.blocks.regions()[self.region], 8, &[block], 1);
-        array
-    }
 }
 
 /// How a scene goes into the picture.
@@ -340,7 +273,7 @@ impl TerrainRenderer {
         self.draw_scene(self.world.drawn_index(), Pass::Whole, look);
     }
 
-    /// How opaque the partition that was drawn before the present one still is, above 0 and below 1; `None` where nothing
+    /// How opaque the partition that was drawn before the present one still is, above 0 and at most 1; `None` where nothing
     /// of it is left.
     #[must_use]
     pub fn going(&self) -> Option<f64> {
@@ -421,9 +354,9 @@ impl TerrainRenderer {
         };
         let plan = scene.plan();
         shader.program.bind();
-        buffers.tables[buffers.table].bind(TABLE);
+        buffers.table().bind(TABLE);
         self.set_frame(shader, scene, look);
-        self.begin(pass, plan.is_above_ground);
+        self.begin(pass);
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
             if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
@@ -446,23 +379,16 @@ impl TerrainRenderer {
             gl.color_mask(true, true, true, true);
             gl.disable(glow::BLEND);
             gl.disable(glow::DEPTH_TEST);
-            gl.disable(glow::CULL_FACE);
         }
     }
 
-    fn begin(&self, pass: Pass, above_ground: bool) {
+    fn begin(&self, pass: Pass) {
         let gl = self.gpu.gl();
         // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
         unsafe {
             gl.enable(glow::DEPTH_TEST);
             gl.disable(glow::BLEND);
             gl.disable(glow::CULL_FACE);
-            // Triangles are counter-clockwise seen from above.
-            if above_ground {
-                gl.enable(glow::CULL_FACE);
-                gl.cull_face(glow::BACK);
-                gl.front_face(glow::CCW);
-            }
             gl.depth_func(glow::LESS);
             gl.depth_mask(true);
             match pass {
@@ -584,11 +510,6 @@ impl TerrainRenderer {
 
 /// Clear colour whose bytes are the f32 +infinity: no terrain.
 pub const RANGE_CLEAR: [f32; 4] = [0.0, 0.0, 128.0 / 255.0, 127.0 / 255.0];
-
-const _: () = assert!(
-    size_of::<Block>() == 8,
-    "the vertex array reads eight bytes"
-);
 
 /// How much later than planned a blend begins and ends: so little that nobody sees it, and more than what rounding in f32
 /// can add to zero. It ends a whole post before what is drawn does, where it is therefore still complete.

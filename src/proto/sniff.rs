@@ -21,32 +21,39 @@ use crate::time::Monotonic;
 struct Bar {
     frames: u64,
     confidence: f64,
+    /// The least part of all that was heard.
+    part: f64,
 }
 
 /// With sixteen bits of checksum or more, chance is out of the question.
 const STRONG: Bar = Bar {
     frames: 2,
     confidence: 0.03,
+    part: 0.0,
 };
 /// With eight, other text has the right sum now and then.
 const WEAK: Bar = Bar {
     frames: 3,
     confidence: 0.1,
+    part: 0.0,
 };
-/// Lines of 51 characters without any mark are found in the remains of other lines, too.
+/// Lines of 51 characters without any mark are found among other lines and in their remains, too.
 const MARKLESS: Bar = Bar {
     frames: 4,
     confidence: 0.5,
+    part: 0.15,
 };
 /// Without any, most of what is heard has to fit.
 const NONE: Bar = Bar {
     frames: 4,
     confidence: 0.5,
+    part: 0.0,
 };
 /// On CAN several protocols may share a bus.
 const CAN: Bar = Bar {
     frames: 4,
     confidence: 0.15,
+    part: 0.0,
 };
 
 /// One protocol that is spoken.
@@ -366,7 +373,11 @@ impl Sniffer {
             let of_others = all - own + line_ends;
             let part = ratio(own, self.bytes.saturating_sub(of_others).max(own));
             let confidence = sure(part, trial.frames);
-            if trial.frames >= trial.bar.frames && confidence >= trial.bar.confidence {
+            let bar = trial.bar;
+            if trial.frames >= bar.frames
+                && confidence >= bar.confidence
+                && ratio(trial.bytes, self.bytes) >= bar.part
+            {
                 findings.push(Finding {
                     protocol: trial.protocol,
                     confidence,

@@ -23,7 +23,7 @@
 //! | 8 | 2 | version, 1 |
 //! | 10 | 2 | zero |
 //! | 12 | 4 | number of the file in its set, from 1 |
-//! | 16 | 8 | session: nanoseconds since 1970 by the computer's clock, which may be wrong, when the program started to record. Files with the same session have the same clock in their records |
+//! | 16 | 8 | session: a random number. Files with the same one have the same clock in their records |
 //! | 24 | 4 | length n of the text, at most 1 MiB |
 //! | 28 | n | the sources as UTF-8 JSON, see below |
 //! | 28+n | 4 | checksum of everything before |

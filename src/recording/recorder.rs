@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
-use std::time::{Duration, SystemTime};
+use std::time::Duration;
 
 /// How often the rings are emptied.
 const DRAIN_EVERY: Duration = Duration::from_millis(100);
@@ -69,9 +69,7 @@ impl Recorder {
     pub fn start(plan: Plan) -> Result<(Self, Vec<Tap>), RecordingError> {
         let (taps, drains): (Vec<Tap>, Vec<Drain>) =
             plan.header.sources.iter().map(|_| tap()).unzip();
-        let session = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);
-        let session = session.map_or(0, |d| u64::try_from(d.as_nanos()).unwrap_or(0));
-        let files = Files::open(plan, session)?;
+        let files = Files::open(plan, random())?;
         let path = files.path.clone();
         let report = Arc::new(Mutex::new(Report::default()));
         let stop = Arc::new(AtomicBool::new(false));
@@ -106,7 +104,6 @@ impl Recorder {
     }
 
     /// A function that tells how it fares, for another thread.
-    #[must_use]
     pub fn reporter(&self) -> impl Fn() -> Report + Send + use<> {
         let report = Arc::clone(&self.report);
         move || {
@@ -365,6 +362,18 @@ impl Files {
     fn sync(&self) -> io::Result<()> {
         self.file.sync_data()
     }
+}
+
+/// A number that no other session has.
+fn random() -> u64 {
+    let text = std::fs::read_to_string("/proc/sys/kernel/random/uuid").unwrap_or_default();
+    let digits: String = text
+        .chars()
+        .filter(char::is_ascii_hexdigit)
+        .take(16)
+        .collect();
+    // Where there is no such file, a start within the same nanosecond after boot would have to be met.
+    u64::from_str_radix(&digits, 16).unwrap_or_else(|_| Monotonic::read().as_nanos())
 }
 
 /// A new file with a header, on the disk. Its length.

@@ -83,12 +83,13 @@ impl Drain {
         payload: &mut [u8; PAYLOAD_MAX],
     ) -> Option<(Kind, Monotonic, usize)> {
         let mut fixed = [0; FIXED];
-        // The head is seen before its payload is there, by the width of two instructions.
-        let seen = self.ring.read_chunk(FIXED).ok()?;
-        let (first, second) = seen.as_slices();
-        fixed[..first.len()].copy_from_slice(first);
-        fixed[first.len()..].copy_from_slice(second);
-        drop(seen);
+        // The head is seen before its payload is there, by the width of two instructions: it stays until both are.
+        {
+            let seen = self.ring.read_chunk(FIXED).ok()?;
+            let (first, second) = seen.as_slices();
+            fixed[..first.len()].copy_from_slice(first);
+            fixed[first.len()..].copy_from_slice(second);
+        }
         let [kind, low, high, at @ ..] = fixed;
         let length = usize::from(u16::from_le_bytes([low, high]));
         if self.ring.slots() < FIXED + length {

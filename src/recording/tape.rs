@@ -182,7 +182,7 @@ impl Tape {
     ///
     /// # Errors
     /// When a file cannot be read any more.
-    pub fn next(&mut self) -> Result<Option<Timed>, RecordingError> {
+    pub fn next_entry(&mut self) -> Result<Option<Timed>, RecordingError> {
         loop {
             if let Some(first) = self.waiting.peek()
                 && let Reverse((at, _)) = first.turn

@@ -50,7 +50,7 @@ fn at(k: u64) -> Monotonic {
 fn read(path: &Path) -> (Vec<Timed>, Damage) {
     let mut tape = Tape::open(path).expect("opens");
     let mut all = Vec::new();
-    while let Some(timed) = tape.next().expect("reads") {
+    while let Some(timed) = tape.next_entry().expect("reads") {
         all.push(timed);
     }
     (all, tape.damage())

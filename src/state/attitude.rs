@@ -247,8 +247,8 @@ mod tests {
             older.set(p, Sampled::good(0.1, ms(949)), A);
             let mut foreign = whole;
             foreign.set(p, Sampled::good(0.1, ms(1000)), B);
-            for state in [absent, failed, older, foreign] {
-                assert_eq!(turned_on(&state, now, seen), state, "{p:?}");
+            for state in [&absent, &failed, &older, &foreign] {
+                assert_eq!(turned_on(state, now, seen), *state, "{p:?}");
             }
         }
         let mut no_roll = whole;

@@ -16,12 +16,14 @@
 //! | pitch and roll together, both alive | 2.5 s | 0.9 s (SkyView), 0.6 s (D100) |
 //! | one parameter, alive by not repeating | 2 s | none: every value is new (JSBSim) |
 //! | one parameter, alive by noise | 4 s | 3.2 s of pitch, 2.6 s of roll (SkyView, in tenths of a degree) |
-//! | one restless parameter in steps below a thousandth of its usual span | 10 s | |
+//! | one restless or calm parameter in steps below a thousandth of its usual span | 10 s | |
+//! | a whole source whose values go round in at most three each, as the same said in several messages does, rounded differently | 6 s | |
 //! | the clock of a receiver, having ticked before: where it is and how it moves, in the air and on the ground | 3 s | 1 s |
 //! | a calm parameter alone | when others show that it must have changed: `witness` | |
 //! | attitude in whole degrees | when the turn does not belong to its bank: `crosscheck` | |
 //!
-//! All but the clock need three repeats as well, so that a slow source takes longer. The first new value ends it at once.
+//! With a whole source stands whatever else of it stands. All but the clock need three repeats as well, so that a slow source takes longer. The first new value ends it at once; of a
+//! whole source, for what has been said again since.
 //! Limits: in straight and level flight a coarse parameter without noise that stops alone is not found, because smooth flight
 //! looks the same, and nothing but a clock below 15 m/s. A simulator that is paused in flight is found: what it says does not
 //! move, and it says that it flies.
@@ -45,6 +47,8 @@ pub const ATTITUDE_STILL: Duration = Duration::from_millis(2500);
 pub const NEW_STILL: Duration = Duration::from_secs(2);
 /// How long a clock stands still.
 pub const CLOCK_STILL: Duration = Duration::from_secs(3);
+/// How long, if some of it goes round in a loop of at most three values each: the same said in several messages.
+pub const LOOP_STILL: Duration = Duration::from_secs(6);
 /// How long a noisy parameter repeats.
 pub const NOISY_STILL: Duration = Duration::from_secs(4);
 /// How long a fine parameter repeats.
@@ -107,7 +111,15 @@ const fn nature(parameter: P) -> Nature {
 const fn fine_step(parameter: P) -> f64 {
     match parameter {
         // Of 50 m/s.
-        P::IndicatedAirspeed | P::CalibratedAirspeed | P::TrueAirspeed => 0.05,
+        P::IndicatedAirspeed
+        | P::CalibratedAirspeed
+        | P::TrueAirspeed
+        | P::GroundSpeed
+        | P::PressureAltitude
+        | P::BaroAltitude
+        | P::AltitudeMsl
+        | P::HeightEllipsoid => 0.05,
+        P::VerticalSpeed => 0.02,
         // Of 1 rad, 1 rad/s and 1 g. A thousandth of a radian is 6 km on the ground: any position is fine.
         _ => 0.001,
     }
@@ -121,6 +133,10 @@ struct Trace {
     since: Option<Monotonic>,
     last: Option<Monotonic>,
     repeats: u32,
+    /// The last values before this one, and since when there has been none but these: a source that says the same in two
+    /// messages, rounded differently, goes round in such a loop when it stands still.
+    before: [f64; 2],
+    loop_since: Option<Monotonic>,
     /// The smallest step so far; zero before the first.
     step: f64,
     rising: bool,
@@ -142,6 +158,18 @@ impl Trace {
             self.repeats = self.repeats.saturating_add(1);
             self.repeated = self.repeated.saturating_add(1);
             return;
+        }
+        let is_known = self.before.iter().any(|x| x.to_bits() == value.to_bits());
+        if self.since.is_none() || !is_known {
+            self.loop_since = Some(at);
+        }
+        if !is_known {
+            self.before[1] = self.before[0];
+            self.before[0] = self.value;
+        } else if self.before[0].to_bits() == value.to_bits() {
+            self.before[0] = self.value;
+        } else {
+            self.before[1] = self.value;
         }
         if self.since.is_some() {
             let step = (value - self.value).abs();
@@ -171,11 +199,20 @@ impl Trace {
             .flatten()
     }
 
+    /// Whether it stands still, or goes round in the same few values, as it does when its source stands still.
+    fn stands(&self, least: Duration, flying_since: Monotonic, now: Monotonic) -> bool {
+        let still = self.still(flying_since, now);
+        let since = self.loop_since.map(|since| since.max(flying_since));
+        still.is_some_and(|d| d >= least)
+            || since.is_some_and(|since| now.since(since).is_some_and(|d| d >= LOOP_STILL))
+    }
+
     /// Whether it stands still all by itself.
-    fn frozen(&self, parameter: P, still: Duration) -> bool {
+    fn frozen(&self, parameter: P, nature: Nature, still: Duration) -> bool {
         let fine = self.step > 0.0 && self.step < fine_step(parameter);
-        (self.noisy && still >= NOISY_STILL)
-            || (self.new && still >= NEW_STILL)
+        let restless = nature == Nature::Restless;
+        (restless && self.noisy && still >= NOISY_STILL)
+            || (restless && self.new && still >= NEW_STILL)
             || (fine && still >= FINE_STILL)
     }
 }
@@ -185,6 +222,9 @@ impl Trace {
 pub(super) struct Stillness {
     traces: [Trace; P::COUNT],
     frozen: [bool; P::COUNT],
+    /// Whether all of it stood still, and when that was over.
+    whole: bool,
+    thawed_at: Option<Monotonic>,
 }
 
 impl Stillness {
@@ -192,14 +232,13 @@ impl Stillness {
         Self {
             traces: [Trace::default(); P::COUNT],
             frozen: [false; P::COUNT],
+            whole: false,
+            thawed_at: None,
         }
     }
 
     /// A value has come; a fault ends the memory of the one before it.
     pub(super) fn see(&mut self, parameter: P, value: Option<f64>, at: Monotonic) {
-        if nature(parameter) == Nature::Still && parameter != P::UtcTimeOfDay {
-            return;
-        }
         let i = parameter.index();
         match value {
             Some(value) => self.traces[i].see(value, at),
@@ -245,22 +284,36 @@ impl Stillness {
                 && P::ALL
                     .iter()
                     .filter(|p| watched(**p))
-                    .all(|p| still(*p, least)));
+                    .all(|p| self.traces[p.index()].stands(least, flying_since, now)));
         let attitude = [P::Pitch, P::Roll];
         let attitude_stands = attitude
             .iter()
             .all(|p| alive(*p) && still(*p, ATTITUDE_STILL));
+        let thawed_at = if self.whole && !whole {
+            Some(now)
+        } else {
+            self.thawed_at
+        };
         let mut frozen = [false; P::COUNT];
         for &p in P::ALL {
             let i = p.index();
-            let alone = || {
-                let still = self.traces[i].still(flying_since, now);
-                nature(p) == Nature::Restless && still.is_some_and(|d| self.traces[i].frozen(p, d))
+            let trace = &self.traces[i];
+            let stands = match nature(p) {
+                // What may stand is as old as what may not, when its whole source stands.
+                Nature::Still => whole && trace.stands(SOURCE_STILL, flying_since, now),
+                nature => {
+                    let still = trace.still(flying_since, now);
+                    whole
+                        || (attitude_stands && attitude.contains(&p))
+                        || still.is_some_and(|d| trace.frozen(p, nature, d))
+                }
             };
-            let stands = whole || (attitude_stands && attitude.contains(&p)) || alone();
-            frozen[i] = (watched(p) && stands) || (clock_stands && self.is_fresh(p, now));
+            // What has not been said again since its source moves is as old as it was.
+            let waits = self.frozen[i] && thawed_at.is_some_and(|thaw| trace.last <= Some(thaw));
+            frozen[i] = (stands || clock_stands || waits) && self.is_fresh(p, now);
         }
         self.frozen = frozen;
+        (self.whole, self.thawed_at) = (whole, thawed_at);
     }
 
     fn is_fresh(&self, p: P, now: Monotonic) -> bool {

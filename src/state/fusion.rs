@@ -113,9 +113,16 @@ impl Fusion {
         let slot = &mut self.heard.said[source][signal.parameter.index()];
         if slot.at().is_none_or(|at| signal.at >= at) {
             *slot = Sampled::from_result(signal.value, signal.at);
-            self.heard.stillness[source].see(signal.parameter, signal.value.ok(), signal.at);
             if let Ok(value) = signal.value {
+                // After standing still it may be anywhere.
+                if self.heard.stillness[source].is_frozen(signal.parameter) {
+                    self.heard.jumps[source].forget(signal.parameter);
+                }
                 self.heard.jumps[source].see(signal.parameter, value, signal.at);
+            }
+            // A message that its source doubts, beside another that it does not, says nothing of either.
+            if signal.value != Err(Invalid::Doubtful) {
+                self.heard.stillness[source].see(signal.parameter, signal.value.ok(), signal.at);
             }
         }
     }

@@ -9,7 +9,8 @@
 //! and of the others what flight up to three times gravity makes of them over a second (table below), `recent` the fastest of the last steps, and `dt` no less than the usual time between two values: what waited in
 //! a buffer comes all at once. A value beyond its reach is [`Implausible`](crate::sampled::Invalid::Implausible) at
 //! once, and so is what follows it, until
-//! - a value is again within the reach that there was when the jump came: a disturbance has passed; or
+//! - a value jumps back at least half of the way, to where the last believed one can have moved on to: a disturbance has
+//!   passed; or
 //! - all values have followed from one another for [`RECOVERY`]: the source has found a new beginning, as a receiver does
 //!   that sees its satellites again. Nobody can tell then whether it was wrong before or is wrong now; where another
 //!   source says the same quantity, `compare` goes on telling.
@@ -18,7 +19,8 @@
 //! A step within its reach is never found: this bounds by how much a single damaged frame without a checksum can mislead.
 //!
 //! Not judged: what a pilot or an engine may change in an instant (bugs, engine, fuel), counts and dates, headings
-//! and turn rate above 60 degrees of pitch, track below 15 m/s, the direction of wind below 5 m/s, longitude within 6 km of a pole. Roll is judged by how far it
+//! and turn rate above 60 degrees of pitch, headings and track below 15 m/s, the direction of the wind, which its estimators
+//! turn as they learn, longitude within 6 km of a pole. Roll is judged by how far it
 //! turns the horizon, so that a looping, in which it changes by half a turn at the top, is none.
 
 use crate::signal::Parameter as P;
@@ -35,8 +37,6 @@ const STEEP: f64 = 1.05;
 const TRACK_MPS_MIN: f64 = 15.0;
 /// The greatest acceleration across the path over a second, m/s2: two and a half times that of gravity, a bank of 69 degrees.
 const TURN_ACCELERATION_MAX: f64 = 25.0;
-/// Of less wind than this, the direction is noise, m/s.
-const WIND_MPS_MIN: f64 = 5.0;
 /// The mean radius of the earth, m.
 const EARTH_M: f64 = 6_371_000.0;
 
@@ -66,7 +66,7 @@ const fn limits(parameter: P) -> Option<Agility> {
         P::Track | P::TrackMagnetic => agility(0.15, 4.0, 4.0),
         P::RollRate | P::PitchRate | P::YawRate => agility(0.8, 30.0, 1000.0),
         P::TurnRate => agility(0.6, 10.0, 20.0),
-        P::LateralAcceleration => agility(1.0, 20.0, 100.0),
+        P::LateralAcceleration => agility(0.5, 3.0, 30.0),
         P::NormalAcceleration | P::LongitudinalAcceleration => agility(2.5, 20.0, 100.0),
         P::SlipBall => agility(0.2, 2.0, 5.0),
         P::Sideslip | P::AngleOfAttack => agility(0.25, 5.0, 20.0),
@@ -85,7 +85,6 @@ const fn limits(parameter: P) -> Option<Agility> {
         P::Latitude | P::Longitude => agility(200.0 / EARTH_M, 700.0 / EARTH_M, 1.0),
         P::StaticAirTemperature | P::TotalAirTemperature => agility(8.0, 1.5, 10.0),
         P::WindSpeed => agility(10.0, 3.0, 10.0),
-        P::WindDirectionTrue | P::WindDirectionMagnetic => agility(0.5, 0.1, 1.0),
         // A new setting, far from the last, is doubted for a while.
         P::BaroSetting => agility(15.0, 15.0, 100.0),
         P::StaticPressure => agility(20.0, 20.0, 20.0),
@@ -98,14 +97,7 @@ const fn limits(parameter: P) -> Option<Agility> {
 const fn turns(parameter: P) -> bool {
     matches!(
         parameter,
-        P::Roll
-            | P::HeadingTrue
-            | P::HeadingMagnetic
-            | P::Track
-            | P::TrackMagnetic
-            | P::Longitude
-            | P::WindDirectionTrue
-            | P::WindDirectionMagnetic
+        P::Roll | P::HeadingTrue | P::HeadingMagnetic | P::Track | P::TrackMagnetic | P::Longitude
     )
 }
 
@@ -142,6 +134,8 @@ struct Doubt {
     last: (f64, Monotonic),
     /// How far from the last believed value a value must not be to be believed at once.
     reach: f64,
+    /// How far the jump went.
+    size: f64,
 }
 
 impl Trace {
@@ -182,7 +176,12 @@ impl Trace {
             }
             doubt.last = (value, at);
             let has_settled = at.since(doubt.since).is_some_and(|d| d >= RECOVERY);
-            if apart(from, value) <= doubt.reach || has_settled {
+            // Only by a step is it back: what slides there slides on from where it jumped to.
+            let elapsed_s = at.since(from_at).unwrap_or_default().as_secs_f64();
+            let moved_on = doubt.reach + agility.slack * elapsed_s;
+            let is_back =
+                !follows && apart(from, value) <= moved_on.min(doubt.size * 0.5).max(doubt.reach);
+            if is_back || has_settled {
                 self.doubt = None;
                 self.trusted = Some((value, at));
                 self.recent = 0.0;
@@ -196,6 +195,7 @@ impl Trace {
                 since: at,
                 last: (value, at),
                 reach,
+                size: step,
             });
         }
     }
@@ -224,14 +224,15 @@ impl Jumps {
         let mut scale = 1.0;
         let mut is_judged = true;
         match parameter {
-            P::HeadingTrue | P::HeadingMagnetic | P::TurnRate => is_judged = pitch.abs() < STEEP,
+            P::TurnRate => is_judged = pitch.abs() < STEEP,
+            P::HeadingTrue | P::HeadingMagnetic => {
+                let is_slow = last(P::GroundSpeed).is_some_and(|speed| speed < TRACK_MPS_MIN);
+                is_judged = pitch.abs() < STEEP && !is_slow;
+            }
             P::Track | P::TrackMagnetic => {
                 let speed = last(P::GroundSpeed).unwrap_or(TRACK_MPS_MIN);
                 is_judged = speed >= TRACK_MPS_MIN;
                 agility.rate = TURN_ACCELERATION_MAX / speed;
-            }
-            P::WindDirectionTrue | P::WindDirectionMagnetic => {
-                is_judged = last(P::WindSpeed).is_some_and(|speed| speed >= WIND_MPS_MIN);
             }
             P::Longitude => {
                 scale = last(P::Latitude).unwrap_or(0.0).cos();
@@ -262,6 +263,11 @@ impl Jumps {
                 step * scale
             }
         });
+    }
+
+    /// What was said of a parameter tells nothing of what comes.
+    pub(super) fn forget(&mut self, parameter: P) {
+        self.traces[parameter.index()] = Trace::default();
     }
 
     /// Whether the last value of a parameter is one that cannot be.

@@ -64,9 +64,6 @@ pub struct Plan {
     pub heading: Radians,
     /// Triangles with an area.
     pub triangles: usize,
-    /// Whether the eye is known to be above what is drawn under it: then no triangle shows its lower side, since ground is a
-    /// height over the ellipsoid and what is seen from below lies behind what is seen from above.
-    pub is_above_ground: bool,
 }
 
 /// What a frame did.

@@ -4,6 +4,9 @@
 //! every partition and continuous over the poles and the date line. On top of it stand a mountain of 8848 m (where the
 //! highest one stands) and a basin of -430 m (where the lowest land lies); below 0 m of the noise is sea, with its coast
 //! at 0 m. Some land is marked as void, and one square degree has no tiles at all.
+//!
+//! Coarse levels are every 2^l-th post as it is. A bake raises posts for the summits between them, `terrain::bake_raise`; here a
+//! summit can be as much too low as between any posts of that spacing, so summits are measured over packs.
 
 use super::codec::{SurfaceKind, Tile};
 use super::grid::{Grid, TILE_SIDE, TileKey};

@@ -137,7 +137,6 @@ impl Scene {
                 projection: [[0.0; 3]; 3],
                 heading: Radians(0.0),
                 triangles: 0,
-                is_above_ground: false,
             },
             figures: FrameFigures::default(),
         })
@@ -433,7 +432,7 @@ impl Scene {
     /// Chooses what is drawn of the levels.
     fn cut(&mut self, camera: &Camera) {
         let hides = self.settings.leaves_out_hidden;
-        self.plan.is_above_ground = self.plan.levels.first().is_some_and(|finest| {
+        let is_above_ground = self.plan.levels.first().is_some_and(|finest| {
             let (x, y) = self.eye_on(finest.level);
             self.streamer
                 .ground_code(finest.level, x, y)
@@ -455,7 +454,7 @@ impl Scene {
             &ground,
             camera,
             self.height_min_m,
-            hides && self.plan.is_above_ground,
+            hides && is_above_ground,
             &mut self.plan,
         );
     }

@@ -50,7 +50,7 @@ pub const FADE: Duration = Duration::from_secs(1);
 struct Going {
     /// Which scene.
     scene: usize,
-    /// What is left of it, above 0 and below 1.
+    /// What is left of it, above 0 and at most 1.
     opacity: f64,
 }
 
@@ -202,7 +202,7 @@ impl World {
         self.drawn
     }
 
-    /// Which of [`Self::scenes`] is to be drawn over it, and how opaque, above 0 and below 1: the one that was drawn before.
+    /// Which of [`Self::scenes`] is to be drawn over it, and how opaque, above 0 and at most 1: the one that was drawn before.
     #[must_use]
     pub fn going(&self) -> Option<(usize, f64)> {
         self.going.map(|going| (going.scene, going.opacity))

@@ -96,6 +96,17 @@ impl Line {
         assert_eq!(sent, bytes.len(), "the line took all bytes");
     }
 
+    /// All that comes from the near end until the program that opened it lets it go.
+    pub(crate) fn receive_all(&self) -> Vec<u8> {
+        let mut all = Vec::new();
+        let mut buffer = [0; 4096];
+        // Hung up, a pseudoterminal says that there is an error.
+        while let Ok(read) = rustix::io::read(&self.far, &mut buffer) {
+            all.extend(&buffer[..read]);
+        }
+        all
+    }
+
     /// Sends bytes if the line has room for any, and says whether it had.
     pub(crate) fn offer(&self, bytes: &[u8]) -> bool {
         let mut ready = [PollFd::new(&self.far, PollFlags::OUT)];

@@ -81,6 +81,17 @@ impl Booth {
             .count()
     }
 
+    /// Draws all that is in the picture, of the partition that goes too.
+    pub(crate) fn show(&mut self) {
+        self.target.bind();
+        self.gpu.clear([1.0, 0.0, 1.0, 1.0]);
+        self.terrain.draw(&Look::BARE);
+        self.gpu.clear_depth();
+        self.terrain.draw_going(&Look::BARE);
+        self.target.read_rgba(&mut self.pixels);
+        self.gpu.check("while drawing").expect("no GL error");
+    }
+
     pub(crate) fn ranges(&mut self) -> Vec<f32> {
         self.target.bind();
         self.gpu.clear(RANGE_CLEAR);

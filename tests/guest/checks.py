@@ -4,7 +4,9 @@ Every check prints PASS or FAIL with its reason, and what is not run is said. Th
 """
 
 import argparse
+import csv
 import json
+import math
 import os
 import re
 import shutil
@@ -274,6 +276,32 @@ def the_demonstration_flies_over_the_can_bus(bench):
     sent = int(bench.succeed(count)) - before
     demand(sent >= 100, f"only {sent} frames passed vcan0:\n{tail(output)}")
     return f"{sent} frames passed vcan0"
+
+
+@check
+def a_simulated_flight_is_shown_as_it_is_flown(bench):
+    """From the bench's frames through the kernel's bus to the numbers of the pictures, for both protocols on CAN."""
+    shown = []
+    for protocol in ("can-fix", "canaerospace"):
+        board = HEADLESS + source("bench", protocol, 'can = "vcan0"')
+        write_board(bench, protocol, board)
+        flight = bench.guest.start(f"{bench.program} simulate --profile demo --as {protocol} --to can:vcan0 --seconds 60")
+        folder = f"/exchange/{protocol}-frames"
+        bench.succeed(f"{bench.program} run --board /exchange/{protocol}.toml --seconds 12 --frames-dir {folder} --every 5")
+        flight.kill()
+        with open(bench.keep(f"{protocol}-frames/frames.csv")) as file:
+            rows = list(csv.DictReader(file))
+        # The first minute of the profile: straight and level at 5000 feet and 95 knots, by an altimeter set to 1018 hPa.
+        airspeeds = [float(row["indicated_airspeed_mps"]) / 0.514444 for row in rows if row["indicated_airspeed_mps"][0] != "!"]
+        altitudes = [float(row["baro_altitude_m"]) / 0.3048 for row in rows if row["baro_altitude_m"][0] != "!"]
+        pitches = [math.degrees(float(row["pitch_rad"])) for row in rows if row["pitch_rad"][0] != "!"]
+        found = f"{protocol}: {len(rows)} pictures, {len(airspeeds)} airspeeds, {len(altitudes)} altitudes, {len(pitches)} pitches"
+        demand(min(len(airspeeds), len(altitudes), len(pitches)) >= 3, found)
+        demand(all(abs(x - 95) < 4 for x in airspeeds), f"{found}: {airspeeds}")
+        demand(all(abs(x - 5000) < 60 for x in altitudes), f"{found}: {altitudes}")
+        demand(all(abs(x) < 8 for x in pitches), f"{found}: {pitches}")
+        shown.append(found)
+    return "; ".join(shown)
 
 
 @check

@@ -10,12 +10,15 @@ use glasswing::bench::{Bench, Truth, encode};
 use glasswing::proto::Protocol;
 use glasswing::sampled::Invalid;
 use glasswing::signal::{Frame, Parameter, Signal, SourceId};
-use glasswing::state::{FlightState, Fusion, jump};
+use glasswing::state::{FlightState, Fusion, frozen, jump};
 use glasswing::time::Monotonic;
 use std::time::Duration;
 
 /// A picture is made so often: 20 a second, the slowest that still counts as flying.
 pub(crate) const FRAME: Duration = Duration::from_millis(50);
+
+/// The slowest message comes once a second, and not all of them at once.
+const SLOWEST: Duration = Duration::from_millis(1500);
 
 /// What a pilot is shown, and what that is made from.
 pub(crate) const SHOWN: [Parameter; 26] = [
@@ -79,12 +82,12 @@ pub(crate) const TROUBLES: [Trouble; 9] = [
     trouble("lost and back", Kind::Stop, true, 4, 8),
     trouble("stop", Kind::Stop, false, 4, 8),
     trouble("source frozen", Kind::Freeze, true, 13, 12),
-    trouble("sensor frozen", Kind::Freeze, false, 13, 12),
+    trouble("sensor frozen", Kind::Freeze, false, 13, 15),
     trouble("sentinel", Kind::Sentinel, false, 4, 3),
     trouble("NaN", Kind::Nan, false, 4, 3),
     trouble("out of range", Kind::OutOfRange, false, 4, 3),
     trouble("jump", Kind::Jump, false, 4, 5),
-    trouble("bit flips", Kind::BitFlips, true, 4, 20),
+    trouble("bit flips", Kind::BitFlips, true, 4, 15),
 ];
 
 /// Frames that change places; apart, since none of their values is wrong.
@@ -95,9 +98,10 @@ impl Trouble {
     pub(crate) fn deadline(&self, parameter: Parameter) -> Duration {
         let age_max = parameter.spec().age_max;
         match self.kind {
-            Kind::Freeze if self.is_whole => glasswing::state::frozen::SOURCE_STILL.max(age_max),
-            Kind::Freeze => glasswing::state::frozen::FINE_STILL.max(age_max),
-            _ => age_max,
+            Kind::Freeze if self.is_whole => frozen::LOOP_STILL + SLOWEST,
+            Kind::Freeze => frozen::FINE_STILL + SLOWEST,
+            // A message that says it is needed, and no more.
+            _ => age_max.min(SLOWEST),
         }
     }
 }
@@ -120,6 +124,8 @@ pub(crate) struct Cell {
     pub(crate) wrong: u32,
     /// Pictures with a true value while the fault lasted.
     pub(crate) true_shown: u32,
+    /// Why it cannot be found, where that is so.
+    pub(crate) limit: Option<&'static str>,
     /// The furthest that a shown value was from the truth, in units of what a protocol can resolve or, without a checksum, of
     /// the greatest step that is not found.
     pub(crate) worst: f64,
@@ -127,6 +133,23 @@ pub(crate) struct Cell {
 
 fn at(t: Duration) -> Monotonic {
     Monotonic::from_nanos(1_000_000_000).plus(t)
+}
+
+/// What is known not to be found, and why: the limits of `state::frozen` and `state::jump`.
+fn limit(parameter: Parameter, trouble: Trouble) -> Option<&'static str> {
+    use Parameter::{IndicatedAirspeed, LateralAcceleration, Latitude, Longitude, Pitch};
+    use Parameter::{SlipBall, TurnRate, WindDirectionTrue};
+    match trouble.kind {
+        Kind::Freeze if !trouble.is_whole => match parameter {
+            Pitch | Latitude | Longitude | IndicatedAirspeed | TurnRate => None,
+            LateralAcceleration | SlipBall => None,
+            _ => Some("one calm or coarse sensor that stops alone looks as in smooth flight"),
+        },
+        Kind::Jump | Kind::BitFlips if parameter == WindDirectionTrue => {
+            Some("estimated wind may turn at once")
+        }
+        _ => None,
+    }
 }
 
 /// Whether a protocol's frames have checksums of their own.
@@ -165,7 +188,13 @@ pub(crate) fn fly(
         .collect();
     let mut decoder = protocol.decoder();
     let mut fusion = Fusion::new(&[SourceId(0)]);
-    let stop = end + Duration::from_secs(4);
+    // After many jumps a value may have to begin anew.
+    let calm = if trouble.kind == Kind::BitFlips {
+        jump::RECOVERY
+    } else {
+        Duration::from_secs(2)
+    };
+    let stop = end + calm + Duration::from_secs(2);
     let mut picture = FRAME;
     let mut truth = Truth::nothing();
     while picture < stop {
@@ -231,6 +260,7 @@ impl<'a> Judge<'a> {
                 back_after: None,
                 wrong: 0,
                 true_shown: 0,
+                limit: limit(parameter, trouble),
                 worst: 0.0,
             },
         }

@@ -12,6 +12,7 @@ impl Cell {
     /// What the state said, in a word.
     pub(crate) fn verdict(&self) -> &'static str {
         match (self.wrong, self.after, self.said) {
+            (1.., ..) if self.limit.is_some() => "NOT FOUND",
             (1.., ..) => "SHOWN AS GOOD",
             (0, Some(_), Some(reason)) => reason.name(),
             (0, Some(_), None) => "derived",
@@ -23,12 +24,12 @@ impl Cell {
 /// One line for each cell.
 pub(crate) fn csv(cells: &[Cell]) -> String {
     let mut text = String::from(
-        "parameter,fault,protocol,said,after_s,good_again_after_s,wrong_pictures,true_pictures\n",
+        "parameter,fault,protocol,said,after_s,good_again_after_s,wrong_pictures,true_pictures,limit\n",
     );
     for cell in cells {
         let _ = writeln!(
             text,
-            "{},{},{},{},{},{},{},{}",
+            "{},{},{},{},{},{},{},{},{}",
             cell.parameter.spec().name,
             cell.trouble.name,
             cell.protocol.name(),
@@ -37,6 +38,7 @@ pub(crate) fn csv(cells: &[Cell]) -> String {
             seconds(cell.back_after),
             cell.wrong,
             cell.true_shown,
+            cell.limit.filter(|_| cell.wrong > 0).unwrap_or_default(),
         );
     }
     text
@@ -46,7 +48,7 @@ pub(crate) fn csv(cells: &[Cell]) -> String {
 pub(crate) fn markdown(cells: &[Cell]) -> String {
     let mut text = String::from(
         "# Fault matrix\n\nWhat the state said of each parameter, and after how many seconds. \"derived\": the value is worked \
-         out from others that are good. \"true values only\": what was shown was true within its greatest age.\n",
+         out from others that are good. \"true values only\": what was shown was true within its greatest age. \"NOT FOUND\": a known limit, named in the CSV.\n",
     );
     let names = TROUBLES.iter().map(|t| t.name).chain(["reordering"]);
     for fault in names {

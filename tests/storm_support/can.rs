@@ -122,14 +122,25 @@ pub(crate) struct CanAerospace {
 
 impl CanAerospace {
     pub(crate) fn read(&mut self, can: &CanData, said: &mut Said) {
-        let Some((_, parameter)) = CANAEROSPACE.iter().find(|row| row.0 == can.id) else {
+        // Bits 16 to 23 of a long identifier are a redundancy channel.
+        let id = if can.extended && can.id & 0x1F00_F800 == 0 {
+            can.id & 0x7FF
+        } else {
+            can.id
+        };
+        let Some((_, parameter)) = CANAEROSPACE.iter().find(|row| row.0 == id) else {
             return;
         };
         let [_, data_type, service, _, a, b, c, d] = can.data;
         let word = u32::from_be_bytes([a, b, c, d]);
         let high = self.highs.iter().position(|(id, _)| *id == can.id);
         let high = high.map(|n| self.highs.swap_remove(n).1);
-        if service != 0 || can.len != 8 {
+        let bytes = match data_type {
+            6 | 7 => 2,
+            9 | 10 => 1,
+            _ => 4,
+        };
+        if service != 0 || can.len < 4 + bytes {
             said.put(*parameter, None);
             return;
         }
@@ -137,6 +148,12 @@ impl CanAerospace {
         let number = match (data_type, high) {
             (2, _) => f64::from(f32::from_bits(word)),
             (3, _) if is_position => f64::from(word.cast_signed()) * 1e-7,
+            (3, _) => f64::from(word.cast_signed()),
+            (4, _) => f64::from(word),
+            (6, _) => f64::from(i16::from_be_bytes([a, b])),
+            (7, _) => f64::from(u16::from_be_bytes([a, b])),
+            (9, _) => f64::from(i8::from_be_bytes([a])),
+            (10, _) => f64::from(a),
             (30, _) => {
                 self.highs.push((can.id, word));
                 f64::NAN

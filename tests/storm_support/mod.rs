@@ -23,7 +23,14 @@ use glasswing::time::Monotonic;
 use said::Said;
 
 /// As many bytes as a decoder may hold back before it says what was in them.
-const HELD_BACK_BYTES: usize = 4200;
+const fn held_back_bytes(protocol: Protocol) -> usize {
+    match protocol {
+        Protocol::Nmea | Protocol::Ubx => 4200,
+        Protocol::FgGeneric => 1500,
+        Protocol::Gdl90 => 900,
+        _ => 300,
+    }
+}
 
 /// Things that one push may say without the listener allocating.
 const HEARD_MAX: usize = 1 << 16;
@@ -186,7 +193,10 @@ impl Trial {
         }
         self.compare(bytes, Monotonic::from_nanos(ns));
         if is_stream {
-            let held = self.recent.len().saturating_sub(HELD_BACK_BYTES);
+            let held = self
+                .recent
+                .len()
+                .saturating_sub(held_back_bytes(self.protocol));
             self.recent.drain(..held);
         } else {
             self.recent.clear();

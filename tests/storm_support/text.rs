@@ -30,8 +30,8 @@ fn hex_digit(n: u32) -> u8 {
 }
 
 fn ends_with(line: &[u8], sum: u32) -> bool {
-    std::str::from_utf8(&line[line.len() - 2..])
-        .is_ok_and(|digits| digits.eq_ignore_ascii_case(&format!("{sum:02X}")))
+    let digits = [hex_digit(sum / 16), hex_digit(sum % 16)];
+    line[line.len() - 2..].eq_ignore_ascii_case(&digits)
 }
 
 fn has_right_sum(line: &[u8]) -> bool {

@@ -152,7 +152,7 @@ mod tests {
                 wire,
             };
             decoder.push(frame, &mut |signal: Signal| {
-                said += usize::from(signal.value.is_ok())
+                said += usize::from(signal.value.is_ok());
             });
             let counters = decoder.counters();
             assert_eq!(

@@ -11,7 +11,7 @@ use crate::angle::wrap_signed;
 use crate::bench::truth::Truth;
 use crate::sampled::Invalid;
 use crate::signal::Parameter as P;
-use crate::signal::{CanData, Parameter, Wire};
+use crate::signal::{BUS_VOLTAGE, CanData, Parameter, Wire, engines};
 use crate::units::Radians;
 
 use Form::{F32, F64};
@@ -41,7 +41,7 @@ const fn row(id: usize, parameter: Parameter, step: f64) -> Field {
     field(parameter, id, F32, step)
 }
 
-const ATTITUDE: [Field; 10] = [
+const ATTITUDE: [Field; 11] = [
     row(300, P::LongitudinalAcceleration, 1.0),
     row(301, P::LateralAcceleration, 1.0),
     row(302, P::NormalAcceleration, 1.0),
@@ -50,11 +50,12 @@ const ATTITUDE: [Field; 10] = [
     row(305, P::YawRate, DEGREE),
     row(311, P::Pitch, DEGREE),
     row(312, P::Roll, DEGREE),
+    row(327, P::TurnRate, DEGREE),
     row(1069, P::HeadingMagnetic, DEGREE),
     row(1133, P::HeadingTrue, DEGREE),
 ];
 
-const AIR: [Field; 11] = [
+const AIR: [Field; 18] = [
     row(313, P::Sideslip, DEGREE),
     row(314, P::VerticalSpeed, 1.0),
     row(315, P::IndicatedAirspeed, 1.0),
@@ -66,6 +67,13 @@ const AIR: [Field; 11] = [
     row(324, P::StaticAirTemperature, 1.0),
     row(328, P::AngleOfAttack, DEGREE),
     row(332, P::AltitudeMsl, 1.0),
+    row(318, P::MachNumber, 1.0),
+    row(323, P::TotalAirTemperature, 1.0),
+    row(325, P::DifferentialPressure, 1.0),
+    row(326, P::StaticPressure, 1.0),
+    row(333, P::WindSpeed, 1.0),
+    row(334, P::WindDirectionTrue, DEGREE),
+    row(339, P::TotalPressure, 1.0),
 ];
 
 const RECEIVER: [Field; 5] = [
@@ -76,7 +84,44 @@ const RECEIVER: [Field; 5] = [
     row(1040, P::Track, DEGREE),
 ];
 
-const ENGINE: [Field; 1] = [row(500, P::EngineSpeed, 1.0)];
+/// Identifiers of the first engine's channel; the second engine's are the next ones.
+const BY_ENGINE: [(usize, [Parameter; 2]); 9] = [
+    (500, engines::SPEED),
+    (504, engines::PROPELLER_SPEED),
+    (512, engines::TURBINE_INLET_TEMPERATURE),
+    (524, engines::FUEL_FLOW),
+    (528, engines::MANIFOLD_PRESSURE),
+    (532, engines::OIL_PRESSURE),
+    (536, engines::OIL_TEMPERATURE),
+    (548, engines::COOLANT_TEMPERATURE),
+    (684, engines::FUEL_PRESSURE),
+];
+
+/// The first cylinders stand for all.
+const SINGLE: [Field; 6] = [
+    row(520, engines::EXHAUST_GAS_TEMPERATURE[0][0], 1.0),
+    row(521, engines::EXHAUST_GAS_TEMPERATURE[1][0], 1.0),
+    row(540, engines::CYLINDER_HEAD_TEMPERATURE[0][0], 1.0),
+    row(541, engines::CYLINDER_HEAD_TEMPERATURE[1][0], 1.0),
+    row(920, BUS_VOLTAGE[0], 1.0),
+    row(921, BUS_VOLTAGE[1], 1.0),
+];
+
+const ENGINE: [Field; 2 * BY_ENGINE.len() + SINGLE.len()] = {
+    let mut rows = [SINGLE[0]; 2 * BY_ENGINE.len() + SINGLE.len()];
+    let mut n = 0;
+    while n < rows.len() {
+        rows[n] = if n < SINGLE.len() {
+            SINGLE[n]
+        } else {
+            let n = n - SINGLE.len();
+            let (id, parameters) = BY_ENGINE[n / 2];
+            row(id + n % 2, parameters[n % 2], 1.0)
+        };
+        n += 1;
+    }
+    rows
+};
 
 const GROUPS: [&[Field]; 4] = [&ATTITUDE, &AIR, &RECEIVER, &ENGINE];
 const ROWS: usize = ATTITUDE.len() + AIR.len() + RECEIVER.len() + ENGINE.len();
@@ -151,7 +196,7 @@ impl Encoder for CanAerospace {
                     continue;
                 }
                 // Directions are signed here.
-                (Ok(x), P::HeadingMagnetic | P::HeadingTrue | P::Track)
+                (Ok(x), P::HeadingMagnetic | P::HeadingTrue | P::Track | P::WindDirectionTrue)
                     if parameter_has(field, x) =>
                 {
                     wrap_signed(Radians(x)).0

@@ -48,7 +48,7 @@ const SYSTEM: [Field; 7] = [
     field(P::GlidePathDeflection, 37, Form::Signed(3), 0.01),
 ];
 
-const ENGINE: [Field; 12] = [
+const ENGINE: [Field; 14] = [
     field(P::OilPressure, 11, Form::Digits(3), PSI),
     field(P::OilTemperature, 14, Form::Signed(4), 1.0).from(ICE),
     field(P::EngineSpeed, 18, Form::Digits(4), 1.0),
@@ -60,6 +60,8 @@ const ENGINE: [Field; 12] = [
     field(BUS_VOLTAGE[0], 47, Form::Digits(3), 0.1),
     field(BUS_VOLTAGE[1], 50, Form::Digits(3), 0.1),
     field(P::EngineTime, 57, Form::Digits(5), 0.1),
+    field(P::FuelRemaining, 44, Form::Digits(3), 0.1 * GALLON),
+    field(P::TachometerTime, 62, Form::Digits(5), 0.1),
     field(P::EnginePower, 217, Form::Digits(3), 1.0),
 ];
 

@@ -4,9 +4,12 @@
 //! written here stands at the same offsets in both. A value that is missing is NaN. Body rates become the Euler rates of the
 //! packet (Stevens and Lewis 2003, "Aircraft Control and Simulation", equation 1.4-4), so without attitude there are none.
 
-use super::field::{FOOT, Field, Form, KNOT, carried_by, field};
+use super::field::{
+    FAHRENHEIT, FAHRENHEIT_ZERO, FOOT, Field, Form, GALLON, KNOT, PSI, carried_by, field,
+};
 use super::{Beat, Carried, Encoder, Send};
 use crate::bench::truth::Truth;
+use crate::sampled::Invalid;
 use crate::signal::Parameter as P;
 use crate::signal::{Parameter, Wire};
 use crate::units::STANDARD_GRAVITY_MPS2;
@@ -62,8 +65,15 @@ const FIELDS: [Field; 13] = [
     field(P::NormalAcceleration, 108, F32, -FPS2),
 ];
 
-/// Nobody's height above ground is taken from a simulator's.
-const AGL: Field = field(P::HeightAgl, 32, F32, 1.0);
+/// Of which exactly zero says that the simulator does not model it.
+const MODELLED: [Field; 5] = [
+    field(P::HeightAgl, 32, F32, 1.0),
+    field(P::FuelFlow, 156, F32, GALLON),
+    field(P::CylinderHeadTemperature1, 204, F32, FAHRENHEIT).from(FAHRENHEIT_ZERO),
+    field(P::OilTemperature, 252, F32, FAHRENHEIT).from(FAHRENHEIT_ZERO),
+    field(P::OilPressure, 268, F32, PSI),
+];
+
 const RPM: Field = field(P::EngineSpeed, 140, F32, 1.0);
 
 impl Encoder for FgFdm {
@@ -86,7 +96,11 @@ impl Encoder for FgFdm {
                 put(&mut packet, field.at, told(field));
             }
         }
-        put(&mut packet, AGL.at, told(&AGL));
+        for field in &MODELLED {
+            if truth.get(field.parameter) != Err(Invalid::NeverReceived) {
+                put(&mut packet, field.at, told(field));
+            }
+        }
         let [phidot, thetadot, psidot] = euler_rates(truth);
         put(&mut packet, 56, phidot);
         put(&mut packet, 60, thetadot);
@@ -96,7 +110,7 @@ impl Encoder for FgFdm {
         put(&mut packet, 76, speed * track.cos());
         put(&mut packet, 80, speed * track.sin());
         put(&mut packet, 84, -value(P::VerticalSpeed) / FOOT);
-        if truth.get(P::EngineSpeed) != Err(crate::sampled::Invalid::NeverReceived) {
+        if truth.get(P::EngineSpeed) != Err(Invalid::NeverReceived) {
             packet[120..124].copy_from_slice(&1_u32.to_be_bytes());
             // Running.
             packet[124..128].copy_from_slice(&2_u32.to_be_bytes());
@@ -126,7 +140,7 @@ impl Encoder for FgFdm {
             P::GroundSpeed => of_spec(1e-3),
             // At the speeds of flight.
             P::Track => of_spec(1e-5),
-            _ => carried_by(&[&FIELDS, &[RPM]], parameter, true),
+            _ => carried_by(&[&FIELDS, &MODELLED, &[RPM]], parameter, true),
         }
     }
 }

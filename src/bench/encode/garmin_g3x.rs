@@ -1,9 +1,9 @@
-//! Garmin G3X: lines `=11` (attitude and air data) 10 times a second, `=31` (engine) 5, `=21` (air data, bugs) 2, `=71` (height
-//! above ground) once and `@` (position) once, as in recordings.
+//! Garmin G3X: lines `=11` (attitude and air data) 10 times a second, `=31` (engine) 5, `=21` (air data, bugs) 2 and `=71` (height
+//! above ground) once, as in recordings; and `@` ([`position`]), which a display is set up to send or not.
 //!
 //! Source: Garmin, "G3X/G3X Touch Installation Manual", 190-01115-01, appendix "RS-232 Text Output Format". Fields without a
 //! value are filled with `_`; the last two characters are the sum of all before them, but for `@`, which has none: nothing
-//! protects it, and this program does not read it.
+//! protects it, and beside the other lines it would only make the ground speed doubtful.
 
 use super::dynon_skyview::{carries_time, summed, time};
 use super::field::{
@@ -13,18 +13,17 @@ use super::field::{
 use super::{Beat, Carried, Encoder, Send};
 use crate::bench::truth::Truth;
 use crate::signal::Parameter as P;
-use crate::signal::{Parameter, Wire, engines};
+use crate::signal::{BUS_VOLTAGE, FUEL_QUANTITY, Parameter, Wire, engines};
 
 /// One display.
 #[derive(Clone, Copy, Debug)]
 pub struct GarminG3x;
 
-const BEATS: [Beat; 5] = [
+const BEATS: [Beat; 4] = [
     Beat::ms(100, 0),
     Beat::ms(200, 30),
     Beat::ms(500, 60),
     Beat::ms(1000, 80),
-    Beat::ms(1000, 580),
 ];
 
 const ATTITUDE: [Field; 12] = [
@@ -57,9 +56,11 @@ const GROUND: [Field; 2] = [
     field(P::GroundSpeed, 14, Form::Digits(4), 0.1 * KNOT),
 ];
 
+const ENGINE_FIELDS: usize = 26;
+
 /// Cylinder head and exhaust temperatures alternate, from the last cylinder to the first.
-const ENGINE: [Field; 18] = {
-    let mut fields = [field(P::OilPressure, 11, Form::Digits(3), PSI); 18];
+const ENGINE: [Field; ENGINE_FIELDS] = {
+    let mut fields = [field(P::OilPressure, 11, Form::Digits(3), PSI); ENGINE_FIELDS];
     fields[1] = field(P::OilTemperature, 14, Form::Signed(4), 1.0).from(ICE);
     fields[2] = field(P::EngineSpeed, 18, Form::Digits(4), 1.0);
     fields[3] = field(P::ManifoldPressure, 26, Form::Digits(3), 0.1 * INHG);
@@ -76,6 +77,14 @@ const ENGINE: [Field; 18] = {
         n += 1;
     }
     fields[17] = field(P::TurbineInletTemperature, 115, Form::Signed(4), 1.0).from(ICE);
+    fields[18] = field(P::FuelPressure, 35, Form::Digits(3), 0.1 * PSI);
+    fields[19] = field(FUEL_QUANTITY[0], 38, Form::Digits(3), 0.1 * GALLON);
+    fields[20] = field(FUEL_QUANTITY[1], 41, Form::Digits(3), 0.1 * GALLON);
+    fields[21] = field(P::FuelRemaining, 44, Form::Digits(3), 0.1 * GALLON);
+    fields[22] = field(BUS_VOLTAGE[0], 47, Form::Digits(3), 0.1);
+    fields[23] = field(BUS_VOLTAGE[1], 50, Form::Digits(3), 0.1);
+    fields[24] = field(P::EngineTime, 57, Form::Digits(5), 0.1);
+    fields[25] = field(P::TachometerTime, 62, Form::Digits(5), 0.1);
     fields
 };
 
@@ -89,8 +98,7 @@ impl Encoder for GarminG3x {
             0 => ("=11", 57, &ATTITUDE),
             1 => ("=31", 219, &ENGINE),
             2 => ("=21", 40, &AIR),
-            3 => ("=71", 20, &GROUND),
-            _ => return send(Wire::Stream(position(truth).as_bytes())),
+            _ => ("=71", 20, &GROUND),
         };
         let mut line = vec![b'_'; length];
         put(&mut line, 0, kind);
@@ -105,8 +113,9 @@ impl Encoder for GarminG3x {
     }
 }
 
-/// Garmin's simple text: time, place, quality, altitude and velocity.
-fn position(truth: &Truth) -> String {
+/// A line of Garmin's simple text: time, place, quality, altitude and velocity.
+#[must_use]
+pub fn position(truth: &Truth) -> String {
     let filled = |n: usize| "_".repeat(n);
     let mut line = String::from("@");
     match (calendar(truth), clock(truth)) {

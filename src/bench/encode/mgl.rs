@@ -1,7 +1,8 @@
-//! MGL Avionics: iLink packets 1 (primary flight) and 2 (GPS) 4 times a second, 3 (attitude) 10 times, as in recordings.
+//! MGL Avionics: iLink packets 1 (primary flight) and 2 (GPS) 4 times a second, 3 (attitude) 10 times, as in recordings, and 10
+//! (a piston engine with six cylinders) once.
 //!
-//! Source: MGL Avionics, "iEFIS/Odyssey/Voyager serial port communications". There is no sentinel but the GPS's status: a
-//! packet that lacks a value is not sent. Velocities of packet 2 by axis are left at 0: their unit is not published.
+//! Source: MGL Avionics, "iEFIS/Odyssey/Voyager serial port communications" and "Flight data interface specification". There is
+//! no sentinel but the GPS's status and the zero of an engine's sensor: a packet that lacks another value is not sent. Velocities of packet 2 by axis are left at 0: their unit is not published.
 
 use super::field::{
     DEGREE, FOOT, FPM, Field, Form, ICE, KMH, calendar, carried_by, clock, field, whole,
@@ -9,7 +10,7 @@ use super::field::{
 use super::{Beat, Carried, Encoder, Send};
 use crate::bench::truth::Truth;
 use crate::signal::Parameter as P;
-use crate::signal::{Parameter, Wire};
+use crate::signal::{Parameter, Wire, engines};
 use crc::{CRC_32_ISO_HDLC, Crc};
 
 const CRC_32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -17,20 +18,25 @@ const CRC_32: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// One display. It counts its packets by kind.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Mgl {
-    counts: [u8; 3],
+    counts: [u8; 4],
 }
 
 impl Mgl {
     /// Before its first packet.
     #[must_use]
     pub const fn new() -> Self {
-        Self { counts: [0; 3] }
+        Self { counts: [0; 4] }
     }
 }
 
-const BEATS: [Beat; 3] = [Beat::ms(250, 20), Beat::ms(250, 145), Beat::ms(100, 0)];
+const BEATS: [Beat; 4] = [
+    Beat::ms(250, 20),
+    Beat::ms(250, 145),
+    Beat::ms(100, 0),
+    Beat::ms(1000, 70),
+];
 /// The packets' own bytes for their rate.
-const RATES: [u8; 3] = [4, 4, 10];
+const RATES: [u8; 4] = [4, 4, 10, 1];
 
 const FLIGHT: [Field; 8] = [
     field(P::PressureAltitude, 0, Form::I32, FOOT),
@@ -59,6 +65,31 @@ const ATTITUDE: [Field; 5] = [
     field(P::NormalAcceleration, 12, Form::I16, 0.01),
 ];
 
+/// Of which the engine always tells; the rest may be zero.
+const ENGINE: [Field; 2] = [
+    field(P::EngineSpeed, 4, Form::U16, 1.0),
+    field(P::FuelFlow, 28, Form::U16, 0.1),
+];
+
+const ENGINE_BYTES: usize = 64;
+
+const SENSORS: [Field; 17] = {
+    let mut fields = [field(P::OilPressure, 8, Form::U16, 0.1); 17];
+    fields[1] = field(P::FuelPressure, 12, Form::U16, 0.1);
+    fields[2] = field(P::ManifoldPressure, 32, Form::U16, 0.1);
+    fields[3] = field(P::CoolantTemperature, 14, Form::I16, 1.0).from(ICE);
+    fields[4] = field(P::OilTemperature, 16, Form::I16, 1.0).from(ICE);
+    let mut n = 0;
+    while n < 6 {
+        let exhaust = engines::EXHAUST_GAS_TEMPERATURE[0][n];
+        let head = engines::CYLINDER_HEAD_TEMPERATURE[0][n];
+        fields[5 + n] = field(exhaust, 40 + 2 * n, Form::I16, 1.0).from(ICE);
+        fields[11 + n] = field(head, 52 + 2 * n, Form::I16, 1.0).from(ICE);
+        n += 1;
+    }
+    fields
+};
+
 impl Encoder for Mgl {
     fn beats(&self) -> &'static [Beat] {
         &BEATS
@@ -68,7 +99,8 @@ impl Encoder for Mgl {
         let payload = match message {
             0 => flight(truth),
             1 => Some(gps(truth)),
-            _ => attitude(truth),
+            2 => attitude(truth),
+            _ => engine(truth),
         };
         let Some(payload) = payload else {
             return;
@@ -76,7 +108,7 @@ impl Encoder for Mgl {
         // Counted within the second.
         let count = &mut self.counts[message];
         *count = *count % RATES[message] + 1;
-        let kind = [1, 2, 3][message];
+        let kind = [1, 2, 3, 10][message];
         send(Wire::Stream(&packet(
             kind,
             RATES[message],
@@ -87,7 +119,10 @@ impl Encoder for Mgl {
 
     fn carries(&self, parameter: Parameter) -> Option<Carried> {
         let of_gps = GPS.iter().any(|field| field.parameter == parameter);
-        carried_by(&[&FLIGHT, &GPS, &ATTITUDE], parameter, of_gps)
+        // Without a value their field is zero, and nothing is said.
+        let of_engine = SENSORS.iter().any(|field| field.parameter == parameter);
+        let fields: [&[Field]; 5] = [&FLIGHT, &GPS, &ATTITUDE, &ENGINE, &SENSORS];
+        carried_by(&fields, parameter, of_gps && !of_engine)
     }
 }
 
@@ -180,5 +215,18 @@ fn attitude(truth: &Truth) -> Option<Vec<u8>> {
     }
     // What recordings have here.
     payload[24] = 6;
+    Some(payload)
+}
+
+fn engine(truth: &Truth) -> Option<Vec<u8>> {
+    let mut payload = vec![0; ENGINE_BYTES];
+    put_all(&mut payload, &ENGINE, truth)?;
+    // The first engine, a piston one, with six exhausts and heads.
+    payload[..4].copy_from_slice(&[1, 0, 6, 6]);
+    for field in &SENSORS {
+        if let Ok(steps) = field.told(truth) {
+            put_le(&mut payload, field.at, field.form, steps);
+        }
+    }
     Some(payload)
 }

@@ -83,13 +83,18 @@ impl Encoder for Nmea {
             P::NormalAcceleration => 32.766,
             P::FixDimensions => 3.0,
             P::UtcTimeOfDay => 86_399.0,
-            P::UtcDate => 73_000.0,
+            // Its year has two digits.
+            P::UtcDate => 40_000.0,
             _ => 1e6,
         };
-        let unsigned = matches!(parameter, P::FixDimensions | P::UtcTimeOfDay | P::UtcDate);
+        let least = match parameter {
+            P::UtcDate => 10_957.0,
+            P::FixDimensions | P::UtcTimeOfDay => 0.0,
+            _ => -ends,
+        };
         Some(Carried {
             resolution: step,
-            min: if unsigned { 0.0 } else { -ends },
+            min: least,
             max: ends,
             // The variation's field is left empty by many receivers: it says nothing.
             absent: !matches!(parameter, P::FixDimensions | P::MagneticVariation),

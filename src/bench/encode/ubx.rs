@@ -58,7 +58,10 @@ impl Encoder for Ubx {
         };
         let is_flat = put_all(&mut p, &FLAT);
         let is_high = put_all(&mut p, &HIGH);
-        put_all(&mut p, &ERRORS);
+        for field in &ERRORS {
+            // Nobody knows: the largest number of the unsigned field.
+            put(&mut p, field.at, field.told(truth).unwrap_or(-1.0));
+        }
         // Three dimensions, two, none; gnssFixOK.
         p[20] = if is_flat && is_high {
             3

@@ -127,12 +127,12 @@ fn what_is_wrong_is_named_by_its_key() {
         (
             "wind_kt = 14",
             "wind_kn = 14",
-            "line 17, air.wind_kn: unknown field `wind_kn`",
+            "line 18, air.wind_kn: unknown field `wind_kn`",
         ),
         (
             "wind_kt = 14",
             "wind_kt = \"strong\"",
-            "line 17, air.wind_kt: invalid type",
+            "line 18, air.wind_kt: invalid type",
         ),
         ("[air]", "[air", "line "),
     ] {

@@ -103,7 +103,7 @@ impl TerrainRenderer {
         };
         with.target.bind();
         shader.program.bind();
-        buffers.tables[buffers.table].bind(TABLE);
+        buffers.table().bind(TABLE);
         self.set_frame(shader, scene, &Look::BARE);
         let corners = pattern_numbers(scene.settings().shape);
         let levels = &scene.plan().levels;
