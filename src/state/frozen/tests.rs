@@ -90,7 +90,7 @@ fn a_source_that_repeats_itself_in_flight_is_frozen_after_three_seconds() {
     let mut bench = Bench::new();
     bench.fly(20, 50.0, noisy);
     let repeat = |bench: &mut Bench, _: f64| {
-        for (p, value) in [(P::Pitch, 0.03), (P::Roll, 0.1), (P::HeadingTrue, 1.5)] {
+        for (p, value) in [(P::Pitch, 0.03), (P::Roll, 0.1), (P::HeadingTrue, 1.2)] {
             bench.say(A, p, value);
         }
     };
@@ -103,7 +103,7 @@ fn a_source_that_repeats_itself_in_flight_is_frozen_after_three_seconds() {
     let state = bench.fly(1, 50.0, repeat);
     let roll = state.read(P::Roll, bench.now());
     assert_eq!(roll, Err(Invalid::Frozen), "pitch and roll together");
-    assert_eq!(state.read(P::HeadingTrue, bench.now()), Ok(1.5), "2.9 s");
+    assert_eq!(state.read(P::HeadingTrue, bench.now()), Ok(1.2), "2.9 s");
     let state = bench.fly(1, 50.0, repeat);
     for p in [P::Pitch, P::Roll, P::HeadingTrue] {
         assert_eq!(state.read(p, bench.now()), Err(Invalid::Frozen), "{p:?}");
