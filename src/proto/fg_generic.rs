@@ -245,6 +245,8 @@ pub struct FgGeneric {
     layout: Layout,
     framer: Framer<{ LINE_BYTES_MAX + 2 }>,
     counters: Counters,
+    /// Whether what comes up to the next line end is the rest of a line that was given up: its first field is cut.
+    is_torn: bool,
 }
 
 impl FgGeneric {
@@ -255,6 +257,7 @@ impl FgGeneric {
             layout,
             framer: Framer::new(),
             counters: Counters::default(),
+            is_torn: false,
         }
     }
 }
@@ -286,9 +289,15 @@ impl Decoder for FgGeneric {
             layout,
             framer,
             counters,
+            is_torn,
         } = self;
         for bytes in [bytes, end] {
             framer.push(frame.at, bytes, look, &mut |piece| {
+                if matches!(piece, Piece::Frame(..)) && std::mem::take(is_torn) {
+                    counters.count(Some(Fault::Fragment));
+                    return;
+                }
+                *is_torn |= matches!(piece, Piece::Damaged(_));
                 take(layout, piece, frame.source, counters, sink);
             });
         }

@@ -279,8 +279,12 @@ impl Stillness {
         } else {
             SOURCE_STILL
         };
+        // Loops are believed only beside something that does stand.
+        let pair = |a: P, b: P| still(a, least) && still(b, least);
+        let anchored = pair(P::Pitch, P::Roll) || pair(P::Latitude, P::Longitude);
         let whole = clock_stands
             || (telling
+                && anchored
                 && P::ALL
                     .iter()
                     .filter(|p| watched(**p))

@@ -151,8 +151,14 @@ impl Flight {
     }
 
     /// How far a value is from anything that was true as long ago as the parameter may be old, and a picture.
-    pub(crate) fn off(&self, parameter: Parameter, value: f64, now: Duration) -> f64 {
-        let oldest = now.saturating_sub(parameter.spec().age_max + super::FRAME);
+    pub(crate) fn off(
+        &self,
+        parameter: Parameter,
+        value: f64,
+        now: Duration,
+        late: Duration,
+    ) -> f64 {
+        let oldest = now.saturating_sub(parameter.spec().age_max + super::FRAME + late);
         let apart = |moment: &Moment| {
             let apart = (value - moment[parameter.index()]).abs();
             if turns(parameter) {

@@ -295,7 +295,12 @@ impl<'a> Judge<'a> {
         } else {
             self.tolerance
         };
-        let off = self.flight.off(parameter, value, now) / tolerance;
+        // A frame that was overtaken is as old as the time between two of its kind.
+        let late = match self.cell.trouble.kind {
+            Kind::Reordering => SLOWEST,
+            _ => Duration::ZERO,
+        };
+        let off = self.flight.off(parameter, value, now, late) / tolerance;
         if off <= 1.0 {
             self.cell.true_shown += u32::from(now < end);
         } else if now > begin + self.cell.trouble.deadline(parameter) + FRAME {
