@@ -105,7 +105,7 @@ impl FromStr for To {
             Some(("udp", address)) => address
                 .parse()
                 .map(Self::Udp)
-                .map_err(|_| "give an address and a port, as in udp:127.0.0.1:5500".to_owned()),
+                .map_err(|e| format!("{e}: give an address and a port, as in udp:127.0.0.1:5500")),
             _ => Err(known.to_owned()),
         }
     }

@@ -317,7 +317,8 @@ impl Sender {
             return Ok(());
         }
         let class = if is_off { BUS_OFF } else { RESTARTED };
-        let frame = CanErrorFrame::new_error(class, &[0; 8]).map_err(|_| Errno::INVAL)?;
+        let frame = CanErrorFrame::new_error(class, &[0; 8])
+            .map_err(|e| io::Error::new(io::ErrorKind::InvalidInput, e))?;
         self.socket.write_frame(&frame)
     }
 }

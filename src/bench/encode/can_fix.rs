@@ -265,13 +265,7 @@ fn clock_frames(node: u8, truth: &Truth, send: Send<'_>) {
     let byte = |x: f64| whole(x).to_le_bytes()[0];
     let said = |parameter, there: bool| {
         let value = truth.get(parameter);
-        function(&value.and_then(|_| {
-            if there {
-                Ok(())
-            } else {
-                Err(Invalid::OutOfRange)
-            }
-        }))
+        function(&value.and(there.then_some(()).ok_or(Invalid::OutOfRange)))
     };
     let time = clock(truth);
     if let Some(function) = said(P::UtcTimeOfDay, time.is_some()) {

@@ -70,9 +70,10 @@ fn wind_drift_altimetry_and_variation_hold_together() {
     );
     // The Alps, 2026: about 4 to 5 degrees east.
     assert!((4.0..5.5).contains(&turn.to_degrees()), "{turn:?}");
-    // With its setting the altimeter shows the altitude.
+    // With its setting the altimeter shows the altitude, but for its subscale: that shifts by metres of the standard
+    // atmosphere, which are by (1018 / 1013.25)^0.19, 0.09 %, longer than those of the day's column.
     let shown = get(Parameter::BaroAltitude);
-    assert!((shown - get(Parameter::AltitudeMsl)).abs() < 1.0, "{shown}");
+    assert!((shown - get(Parameter::AltitudeMsl)).abs() < 2.0, "{shown}");
     // True airspeed from the calibrated one by the atmosphere's own formula.
     let expected = crate::atmosphere::true_airspeed(
         MetresPerSecond(get(Parameter::CalibratedAirspeed)),
