@@ -141,7 +141,9 @@ fn a_serial_line_shows_what_is_flown() {
     ] {
         let line = Line::new();
         let to = format!("serial:{}", line.path);
-        let far = std::thread::spawn(move || line.receive_all());
+        let far = std::thread::Builder::new()
+            .spawn(move || line.receive_all())
+            .expect("a thread");
         let output = simulate(protocol, &to, &["--rate", "4"]);
         let bytes = far.join().expect("read");
         let sent = figure(&output, "bytes");

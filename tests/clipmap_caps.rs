@@ -1,6 +1,7 @@
 //! The poles, the seams between partitions, the date line and the equator: distances against the formula the ground is made
 //! of, pictures from both partitions against each other, and what flying over a seam does.
 #![expect(
+    clippy::expect_used,
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
     clippy::cast_precision_loss,

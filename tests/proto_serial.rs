@@ -218,7 +218,7 @@ fn garmin_text_without_a_sum_is_doubtful_and_no_good_frame() {
     let (heard, counters) = stream(Protocol::GarminG3x, none.as_bytes());
     assert_eq!((counters.good, counters.ignored), (0, 1));
     heard.assert_absent(Parameter::Latitude);
-    let (heard, counters) = stream(Protocol::GarminG3x, line[1..].as_bytes());
+    let (heard, counters) = stream(Protocol::GarminG3x, &line.as_bytes()[1..]);
     assert_eq!((counters.good, heard.signals.len()), (0, 0));
     let (heard, _) = stream(
         Protocol::GarminG3x,

@@ -2,7 +2,6 @@
 //! killed, a disk that is full and files that are damaged cost what they must and are told.
 #![expect(
     clippy::expect_used,
-    clippy::panic,
     reason = "a helper that fails is a test that fails"
 )]
 
@@ -115,7 +114,8 @@ fn states(csv: &Path) -> HashMap<(u64, String), Vec<String>> {
     let mut lines = csv.lines();
     assert_eq!(
         lines.next(),
-        Some("frame,time_s,clock_s,parameter,value,unit,source,age_s,why")
+        Some("frame,time_s,clock_s,parameter,value,unit,source,age_s,why"),
+        "the head of the table"
     );
     let row = |line: &str| {
         let cells: Vec<String> = line.split(',').map(str::to_owned).collect();
@@ -149,18 +149,19 @@ fn a_recording_replays_to_the_same_states_and_pictures_every_time() {
         let (hashes, _) = ok(&[&args[..], &["--board", text(&file)]].concat());
         (hashes, fs::read(&csv).expect("there"))
     };
+    let expected = usize::try_from(frames).expect("few");
     let (hashes, states) = run("one.csv");
     assert_eq!(
-        hashes.lines().count() as u32,
-        frames + 1,
+        hashes.lines().count(),
+        expected + 1,
         "a frame every 0.1 s:\n{hashes}"
     );
     let mut distinct: Vec<&str> = hashes.lines().map(|l| &l[..64]).collect();
     distinct.sort_unstable();
     distinct.dedup();
     assert_eq!(
-        distinct.len() as u32,
-        frames + 1,
+        distinct.len(),
+        expected + 1,
         "the flight moves in every picture"
     );
     for again in ["two.csv", "three.csv"] {
@@ -180,8 +181,8 @@ fn a_recording_replays_to_the_same_states_and_pictures_every_time() {
         text(&out),
     ]);
     assert_eq!(
-        fs::read_dir(&out).expect("there").count() as u32,
-        frames + 2,
+        fs::read_dir(&out).expect("there").count(),
+        expected + 2,
         "pictures and their table"
     );
 }

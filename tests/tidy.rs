@@ -69,7 +69,10 @@ const MAY_NAME: [(&str, &[&str]); 19] = [
     ("bus", &[]),
     ("bench", &["proto", "state::magnetic"]),
     ("state", &[]),
-    ("display", &["state::snapshot", "state::FlightState"]),
+    (
+        "display",
+        &["state::snapshot", "state::traffic", "state::FlightState"],
+    ),
     ("draw", &["display"]),
     ("terrain", &[]),
     ("gl", &["draw::list", "draw::atlas", "terrain"]),

@@ -46,7 +46,9 @@ pub struct Air {
 /// Below this a wind has no direction worth an arrow, kt.
 const WIND_KT_MIN: f64 = 1.0;
 
-pub(super) fn air(state: &FlightState, now: Monotonic) -> Air {
+/// The numbers of the air around, at `now`.
+#[must_use]
+pub fn air(state: &FlightState, now: Monotonic) -> Air {
     let number = |p| read(state, p, now);
     let wind = || {
         let (speed, from) = (number(P::WindSpeed)?, number(P::WindDirectionTrue)?);
@@ -69,11 +71,10 @@ pub(super) fn air(state: &FlightState, now: Monotonic) -> Air {
 }
 
 /// Height above the ground: as received, else above the terrain that is drawn.
-pub(super) fn height_above_ground(
-    state: &FlightState,
-    ui: &Ui,
-    now: Monotonic,
-) -> Result<Feet, Absent> {
+///
+/// # Errors
+/// The input that is missing.
+pub fn height_above_ground(state: &FlightState, ui: &Ui, now: Monotonic) -> Result<Feet, Absent> {
     let received = read(state, P::HeightAgl, now).map(Metres);
     let height = received.or_else(|why| match ui.height_above_ground {
         Some(height) => Ok(height),
@@ -132,56 +133,9 @@ const fn label(input: P) -> &'static str {
 mod tests {
     use super::*;
     use crate::sampled::Sampled;
-    use crate::signal::{Signal, SourceId};
-    use crate::state::Fusion;
+    use crate::signal::SourceId;
 
     const NOW: Monotonic = Monotonic::from_nanos(10_000_000_000);
-
-    fn fused(values: &[(P, f64)]) -> FlightState {
-        let mut fusion = Fusion::new(&[SourceId(0)]);
-        for &(parameter, value) in values {
-            fusion.apply(&Signal {
-                at: NOW,
-                source: SourceId(0),
-                parameter,
-                value: Ok(value),
-            });
-        }
-        fusion.step(NOW)
-    }
-
-    #[test]
-    fn each_field_names_what_it_lacks() {
-        let mut values = vec![];
-        let missing = |values: &[(P, f64)]| {
-            let air = air(&fused(values), NOW);
-            let of = |absent: Absent| absent.input;
-            [
-                air.true_airspeed.err().map(of),
-                air.temperature_c.err().map(of),
-                air.density_altitude.err().map(of),
-                air.wind.err().map(of),
-            ]
-        };
-        let (ias, alt, oat) = (Some("IAS"), Some("ALT"), Some("OAT"));
-        assert_eq!(missing(&values), [ias, oat, alt, ias]);
-        values.push((P::IndicatedAirspeed, 50.0));
-        assert_eq!(missing(&values), [alt, oat, alt, alt]);
-        values.push((P::PressureAltitude, 1000.0));
-        assert_eq!(missing(&values), [oat; 4]);
-        values.push((P::StaticAirTemperature, 280.0));
-        assert_eq!(missing(&values), [None, None, None, Some("HDG")]);
-        values.push((P::HeadingTrue, 1.0));
-        assert_eq!(missing(&values)[3], Some("GS"));
-        values.push((P::GroundSpeed, 50.0));
-        assert_eq!(
-            missing(&values)[3],
-            Some("POS"),
-            "a track could be worked out"
-        );
-        values.push((P::Track, 1.0));
-        assert_eq!(missing(&values), [None; 4]);
-    }
 
     #[test]
     fn a_headwind_blows_down_and_from_the_right_to_the_left() {
@@ -205,25 +159,5 @@ mod tests {
         );
         assert!((wind(350.0, 80.0) + 90.0).abs() < 1e-9, "from the right");
         assert!((wind(10.0, 280.0) - 90.0).abs() < 1e-9, "from the left");
-    }
-
-    #[test]
-    fn height_above_ground_lacks_position_height_or_ground() {
-        let mut values = vec![];
-        let lacks = |values: &[(P, f64)], ui: &Ui| {
-            height_above_ground(&fused(values), ui, NOW).map_err(|absent| absent.input)
-        };
-        let ui = Ui::default();
-        assert_eq!(lacks(&values, &ui), Err("POS"));
-        values.extend([(P::Latitude, 0.5), (P::Longitude, 0.5)]);
-        assert_eq!(lacks(&values, &ui), Err("GPS ALT"));
-        values.push((P::AltitudeMsl, 500.0));
-        assert_eq!(lacks(&values, &ui), Err("GROUND"));
-        let seen = Ui {
-            height_above_ground: Some(Metres(304.8)),
-            ..ui
-        };
-        let height = lacks(&values, &seen).map(|feet| feet.0.round());
-        assert_eq!(height, Ok(1000.0));
     }
 }

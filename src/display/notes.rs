@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn sources_are_told_by_their_names() {
         let mut config = Config::default();
-        config.source_names[0] = super::super::source_name("adahrs-left");
+        config.source_names[0] = crate::display::source_name("adahrs-left");
         let mut ui = Ui::default();
         ui.links[0] = Some(LinkFault::Down);
         ui.links[1] = Some(LinkFault::Closed);
@@ -280,7 +280,9 @@ mod tests {
         ];
         assert_eq!(told(&state, &ui, &config, true), expected);
         assert_eq!(
-            fallback.text(super::super::BaroUnit::Hectopascals).as_str(),
+            fallback
+                .text(crate::display::BaroUnit::Hectopascals)
+                .as_str(),
             "ADAHRS-L"
         );
     }
@@ -301,7 +303,7 @@ mod tests {
             state.bounds.take(&limit, |_| 0);
         }
         state.set(P::BaroSetting, Sampled::good(1020.0, NOW), SourceId(0));
-        let unit = super::super::BaroUnit::Hectopascals;
+        let unit = crate::display::BaroUnit::Hectopascals;
         let said = |ui: &Ui| {
             let all = told(&state, ui, &config, true);
             all.into_iter()

@@ -77,6 +77,10 @@ pub struct Sight {
 }
 
 /// What is told of other aircraft.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one in a picture, which is made without allocating"
+)]
 #[derive(Clone, Debug, PartialEq)]
 pub enum Traffic {
     /// Nothing: nobody would tell.

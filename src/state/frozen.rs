@@ -11,7 +11,7 @@
 //!
 //! | what has stopped | found after | longest repeat in recorded flights |
 //! |---|---|---|
-//! | a whole source with four or more parameters alive: all of its restless and calm ones repeat | 1 s | 0.13 s (Dynon SkyView), 0.03 s (D100) |
+//! | a whole source with four or more parameters alive: all of its restless and calm ones repeat | 1 s | 0.13 s (Dynon SkyView), 0.06 s (D100) |
 //! | a whole source with two or three alive, pitch or roll among them; or a position, alive or not | 3 s | 0.9 s (SkyView, pitch and roll) |
 //! | pitch and roll together, both alive | 2.5 s | 0.9 s (SkyView), 0.6 s (D100) |
 //! | one parameter, alive by not repeating | 2 s | none: every value is new (JSBSim) |
@@ -220,7 +220,7 @@ impl Trace {
 /// What is remembered of all parameters of one source.
 #[derive(Clone, Debug)]
 pub(super) struct Stillness {
-    traces: [Trace; P::COUNT],
+    traces: Vec<Trace>,
     frozen: [bool; P::COUNT],
     /// Whether all of it stood still, and when that was over.
     whole: bool,
@@ -230,7 +230,7 @@ pub(super) struct Stillness {
 impl Stillness {
     pub(super) fn new() -> Self {
         Self {
-            traces: [Trace::default(); P::COUNT],
+            traces: vec![Trace::default(); P::COUNT],
             frozen: [false; P::COUNT],
             whole: false,
             thawed_at: None,
@@ -336,7 +336,7 @@ impl Stillness {
     }
 
     /// When the present value of a parameter was first said.
-    pub(super) const fn since(&self, p: P) -> Option<Monotonic> {
+    pub(super) fn since(&self, p: P) -> Option<Monotonic> {
         self.traces[p.index()].since
     }
 

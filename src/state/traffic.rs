@@ -176,9 +176,9 @@ impl Skies {
             };
             now.since(t.at).is_some_and(|age| age <= age_max)
         });
-        let both = |a: P, b: P| Some((state.read(a, now).ok()?, state.read(b, now).ok()?));
-        self.own_place = both(P::Latitude, P::Longitude);
-        let pressure_altitude = state.read(P::PressureAltitude, now).ok();
+        let read = |p| state.read(p, now).ok();
+        self.own_place = read(P::Latitude).zip(read(P::Longitude));
+        let pressure_altitude = read(P::PressureAltitude);
         let mut shown: ArrayVec<Target, TRAFFIC_HEARD_MAX> = ArrayVec::new();
         for traffic in &self.heard {
             let moved = moved_on(traffic, now);

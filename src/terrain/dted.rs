@@ -89,7 +89,7 @@ fn geometry(uhl: &[u8]) -> Result<Geometry, InputError> {
         let digits = text(&uhl[from..to]);
         digits
             .parse::<u32>()
-            .map_err(|_| InputError::Dted(format!("its {what} is '{digits}'")))
+            .map_err(|e| InputError::Dted(format!("its {what} is '{digits}': {e}")))
     };
     let angle = |from: usize, what: &str, letters: [u8; 2]| {
         let degrees = f64::from(number(from, from + 3, what)?)

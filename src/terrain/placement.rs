@@ -268,8 +268,8 @@ fn outline(zone: Zone, geometry: &Geometry, grid: Grid) -> ((i32, i32), (i32, i3
         geometry.step_south * geometry.rows as f64,
     );
     let (west, north) = (
-        0.5f64.mul_add(-geometry.step_east, geometry.west),
-        0.5f64.mul_add(geometry.step_south, geometry.north),
+        0.5_f64.mul_add(-geometry.step_east, geometry.west),
+        0.5_f64.mul_add(geometry.step_south, geometry.north),
     );
     let (mut columns, mut rows) = ((i32::MAX, i32::MIN), (i32::MAX, i32::MIN));
     let posts = f64::from(grid.posts_per_degree);

@@ -59,6 +59,16 @@ const fn noise_of(parameter: Parameter) -> f64 {
     }
 }
 
+/// What a receiver says of itself.
+const RECEIVER: [(Parameter, f64); 6] = [
+    (FixDimensions, 3.0),
+    (SatellitesUsed, 11.0),
+    (HorizontalAccuracy, 3.0),
+    (VerticalAccuracy, 5.0),
+    (HorizontalDilution, 0.9),
+    (UtcDate, 20_779.0),
+];
+
 impl Flight {
     pub(crate) fn new() -> Self {
         let (mut heading, mut north, mut east, mut height) = (4.0_f64, 0.0, 0.0, 1500.0);
@@ -122,12 +132,9 @@ impl Flight {
             set(PitchRate, turn * roll.sin());
             set(YawRate, turn * roll.cos());
             set(NormalAcceleration, 1.0 / roll.cos());
-            set(FixDimensions, 3.0);
-            set(SatellitesUsed, 11.0);
-            set(HorizontalAccuracy, 3.0);
-            set(VerticalAccuracy, 5.0);
-            set(HorizontalDilution, 0.9);
-            set(UtcDate, 20_779.0);
+            for (p, x) in RECEIVER {
+                set(p, x);
+            }
             set(UtcTimeOfDay, 43_200.0 + t);
             set(EngineSpeed, 2400.0 + 20.0 * t.sin());
             moments.push(m);

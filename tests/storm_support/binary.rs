@@ -204,7 +204,7 @@ pub(crate) fn ubx(frame: &[u8], said: &mut Said) {
         return;
     }
     let long = |at: usize| signed_le::<4>(p, at);
-    let fixed = p[21] % 2 == 1 && p[78] % 2 == 0;
+    let fixed = p[21] % 2 == 1 && p[78].is_multiple_of(2);
     // Type 1 is dead reckoning: there, but doubtful.
     let flat = |x: f64| (fixed && matches!(p[20], 2..=4)).then_some(x);
     let high = |x: f64| (fixed && matches!(p[20], 3 | 4)).then_some(x);

@@ -37,20 +37,26 @@ const HEARD_MAX: usize = 1 << 16;
 
 type Frames = fn(&[u8], &mut dyn FnMut(&[u8]));
 
+/// Makes a frame's checksum right.
+type Seal = fn(&mut Vec<u8>);
+
+/// What reads a frame.
+type Read = fn(&[u8], &mut Said);
+
 /// How bytes are judged.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rules {
     /// Gives every whole frame with a right checksum.
     frames: Frames,
     /// What a frame says.
-    read: fn(&[u8], &mut Said),
+    read: Read,
     /// Makes a frame's checksum right, where it has one.
-    pub(crate) seal: fn(&mut Vec<u8>),
+    pub(crate) seal: Seal,
 }
 
 /// Rules of a protocol that is not on CAN.
 pub(crate) fn rules(protocol: Protocol) -> Rules {
-    let (frames, read, seal): (Frames, fn(&[u8], &mut Said), fn(&mut Vec<u8>)) = match protocol {
+    let (frames, read, seal): (Frames, Read, Seal) = match protocol {
         Protocol::FgFdm => (binary::fgfdm_frames, binary::fgfdm, |_| {}),
         Protocol::Gdl90 => (binary::gdl90_frames, binary::gdl90, binary::seal_gdl90),
         Protocol::Ubx => (binary::ubx_frames, binary::ubx, binary::seal_ubx),

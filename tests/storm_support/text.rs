@@ -288,7 +288,7 @@ pub(crate) fn sentences(bytes: &[u8], on: &mut dyn FnMut(&[u8])) {
         let rest = &bytes[i + 1..];
         let Some(star) = rest
             .iter()
-            .position(|b| !(b' '..=b'~').contains(&b) || b"*$".contains(b))
+            .position(|b| !(b' '..=b'~').contains(b) || b"*$".contains(b))
         else {
             continue;
         };
