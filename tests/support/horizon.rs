@@ -65,14 +65,13 @@ pub(crate) fn find(picture: &Picture, hfov: f64) -> Option<Horizon> {
     let run = 6;
     let mut points = Vec::new();
     for x in (0..picture.width).step_by(4) {
-        for y in run..picture.height - run {
+        // The lowest of a column: panels above the horizon have sky above them too.
+        let lowest = (run..picture.height - run).rev().find(|&y| {
             let above = (y - run..y).all(|y| picture.is_sky(x, y));
-            let below = (y..y + run).all(|y| !picture.is_sky(x, y));
-            if above && below {
-                #[expect(clippy::cast_precision_loss, reason = "pixels")]
-                points.push((x as f64 + 0.5, y as f64));
-            }
-        }
+            above && (y..y + run).all(|y| !picture.is_sky(x, y))
+        });
+        #[expect(clippy::cast_precision_loss, reason = "pixels")]
+        points.extend(lowest.map(|y| (x as f64 + 0.5, y as f64)));
     }
     // The pair of points whose line most others lie on, then the mean line of those.
     let mut best: (usize, f64, f64) = (0, 0.0, 0.0);
