@@ -212,14 +212,17 @@ fn geotiffs_that_cannot_be_read_are_refused() {
     );
     let bytes = geotiff(&WGS84, 8, Vec::new());
     assert_refused("tif_8", "a.tif", &bytes, &["8-bit samples", "Int16"]);
-    let utm = [1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32_633];
-    let bytes = geotiff(&utm, 16, Vec::new());
+    let etrs = [1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 25_833];
+    let bytes = geotiff(&etrs, 16, Vec::new());
     assert_refused(
-        "tif_utm",
+        "tif_etrs",
         "a.tif",
         &bytes,
-        &["EPSG:32633", "EPSG:4326", "gdalwarp"],
+        &["EPSG:25833", "EPSG:4326", "UTM", "gdalwarp"],
     );
+    let utm = [1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32_633];
+    let bytes = geotiff(&utm, 16, Vec::new());
+    assert_refused("tif_utm", "a.tif", &bytes, &["are these degrees?"]);
     let nad27 = [1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4267];
     let bytes = geotiff(&nad27, 16, Vec::new());
     assert_refused("tif_nad27", "a.tif", &bytes, &["EPSG:4267"]);

@@ -15,6 +15,9 @@ use tiff::{ColorType, TiffError, TiffUnsupportedError};
 /// The most samples read from one file: 800 MB as floats. A 1/3" tile of one degree has 117 million.
 const SAMPLES_MAX: usize = 200_000_000;
 
+/// No survey of the ground has its samples nearer, metres; degrees taken for metres have.
+const UTM_STEP_MIN_M: f64 = 0.05;
+
 /// What stands for a code that no register has (OGC 19-008r4, 7.1.2).
 const USER_DEFINED: u16 = 32_767;
 
@@ -140,6 +143,9 @@ fn check_place(raster: &Geometry) -> Result<(), InputError> {
         {
             Ok(())
         }
+        Crs::Utm(_) if steps[0].min(steps[1]) < UTM_STEP_MIN_M => Err(InputError::Georeference(
+            "its samples are said to stand millimetres apart in UTM: are these degrees?",
+        )),
         Crs::Utm(zone) if zone.covers((raster.west, south), (east, raster.north)) => Ok(()),
         Crs::Geographic => Err(InputError::Georeference("it reaches beyond the Earth")),
         Crs::Utm(_) => Err(InputError::Georeference(
