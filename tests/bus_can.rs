@@ -32,7 +32,7 @@ fn frames_through_vcan_become_state() {
     for (code, parameter, value) in [
         (0, Parameter::Roll, 0.25),
         (0, Parameter::IndicatedAirspeed, 49.5),
-        (1, Parameter::Roll, -0.25),
+        (1, Parameter::Roll, 0.26),
     ] {
         let mut frame = encode(parameter, value, 1, code).expect("encodes");
         sender.send(&frame).expect("sent");
@@ -45,7 +45,7 @@ fn frames_through_vcan_become_state() {
     let state = intake.step(now);
     assert_eq!(state.read(Parameter::IndicatedAirspeed, now), Ok(49.5));
     let roll = state.read(Parameter::Roll, now).expect("fresh");
-    assert!((roll + 0.25).abs() < 1e-6, "{roll}");
+    assert!((roll - 0.26).abs() < 1e-6, "{roll}");
     let figures = source.thread.figures().snapshot();
     assert_eq!(
         (figures.good, figures.ignored),
