@@ -287,7 +287,7 @@ def a_simulated_flight_is_shown_as_it_is_flown(bench):
         write_board(bench, protocol, board)
         flight = bench.guest.start(f"{bench.program} simulate --profile demo --as {protocol} --to can:vcan0 --seconds 60")
         folder = f"/exchange/{protocol}-frames"
-        bench.succeed(f"{bench.program} run --board /exchange/{protocol}.toml --seconds 12 --frames-dir {folder} --every 5")
+        bench.succeed(f"{bench.program} run --board /exchange/{protocol}.toml --seconds 25 --frames-dir {folder}")
         flight.kill()
         with open(bench.keep(f"{protocol}-frames/frames.csv")) as file:
             rows = list(csv.DictReader(file))
