@@ -1,6 +1,7 @@
 //! Bench traffic over real buses into the real decoders: what is shown is what was flown, and faults are what they are called.
 #![expect(
     clippy::expect_used,
+    clippy::panic,
     reason = "a helper that fails is a test that fails"
 )]
 
@@ -93,9 +94,17 @@ fn assert_as_flown(protocol: Protocol, heard: &Heard) {
     assert!(compared >= 7, "{} says {compared} things", protocol.name());
 }
 
-fn free_address() -> SocketAddr {
-    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
-    socket.local_addr().expect("an address")
+/// A source on a free port; another program may take a port between its being found free and its being used.
+fn listening(protocol: Protocol) -> (SocketAddr, SourceHandle) {
+    for _ in 0..20 {
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a socket");
+        let address = socket.local_addr().expect("an address");
+        drop(socket);
+        if let Ok(source) = listen_udp("bench", ID, protocol, address, vec![]) {
+            return (address, source);
+        }
+    }
+    panic!("no port stays free");
 }
 
 #[test]
@@ -106,8 +115,7 @@ fn datagrams_show_what_is_flown() {
         Protocol::Gdl90,
         Protocol::Nmea,
     ] {
-        let address = free_address();
-        let mut source = listen_udp("bench", ID, protocol, address, vec![]).expect("opens");
+        let (address, mut source) = listening(protocol);
         let output = simulate(protocol, &format!("udp:{address}"), &["--rate", "3"]);
         let sent = figure(&output, "frames");
         assert_eq!(figure(&output, "dropped"), 0, "somebody listens");
