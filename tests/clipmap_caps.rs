@@ -125,7 +125,7 @@ fn both(booth: &mut Booth, camera: &Camera) -> [(Vec<f32>, Vec<u8>); 2] {
 fn either_partition_draws_the_same_picture_on_the_seam() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut booth = Booth::new(&gpu, 239, earth());
-    for (lat, lon, above, heading, pitch) in [
+    let views = [
         (SEAM_LATITUDE_DEG + 0.1, 25.0, 100.0, 0.0, -4.0),
         (SEAM_LATITUDE_DEG - 0.1, 25.0, 100.0, 250.0, -4.0),
         (SEAM_LATITUDE_DEG + 0.2, -140.0, 3000.0, 180.0, -8.0),
@@ -135,7 +135,9 @@ fn either_partition_draws_the_same_picture_on_the_seam() {
         (SEAM_LATITUDE_DEG - 0.1, -45.0, 3000.0, 270.0, -6.0),
         (-SEAM_LATITUDE_DEG, 100.0, 300.0, 90.0, -4.0),
         (SEAM_LATITUDE_DEG, 140.0, 10_000.0, 270.0, -8.0),
-    ] {
+    ];
+    let count = if is_emulated() { 4 } else { views.len() };
+    for (lat, lon, above, heading, pitch) in views.into_iter().take(count) {
         let camera = camera(over(lat, lon, above), (heading, pitch, 0.0), 60.0);
         let [(cap, cap_rgb), (geo, geo_rgb)] = both(&mut booth, &camera);
         let eye = camera.eye.to_ecef();
@@ -169,7 +171,8 @@ fn either_partition_draws_the_same_picture_on_the_seam() {
 fn no_pose_around_the_poles_and_the_seams_shows_a_hole() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut dice = Dice(70);
-    for vertices in [127, 239] {
+    let sizes = [127, 239];
+    for vertices in sizes.into_iter().take(if is_emulated() { 1 } else { 2 }) {
         let mut booth = Booth::new(&gpu, vertices, earth());
         for near in [90.0, -90.0, SEAM_LATITUDE_DEG, -SEAM_LATITUDE_DEG] {
             for _ in 0..if is_emulated() { 2 } else { 20 } {
