@@ -21,8 +21,8 @@ use std::sync::atomic::AtomicBool;
 pub enum TerrainCommand {
     /// Turn elevation files into a pack.
     ///
-    /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it) and GeoTIFF (.tif, .tiff: one
-    /// band of Int16, UInt16 or Float32 in EPSG:4326). Posts are kept as they are; holes are filled for drawing and stay
+    /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it), DTED
+    /// (.dt0, .dt1, .dt2) and GeoTIFF (.tif, .tiff: one band of Int16, UInt16 or Float32, in EPSG:4326 or in UTM on WGS 84). Posts are kept as they are; holes are filled for drawing and stay
     /// marked; flat connected areas become water. Where files reach beyond 69 degrees north or south, the grid of that pole is
     /// made too. The pack appears under its name only when it is whole.
     #[command(
