@@ -105,16 +105,24 @@ pub fn run(args: DecodeArgs) -> Result<(), Failure> {
     out.finish()
 }
 
-/// A decoder of lines laid out by a file.
-fn with_layout(protocol: Protocol, file: &Path) -> Result<Box<dyn Decoder>, Failure> {
+/// The text of `--layout`, a protocol file of FlightGear.
+///
+/// # Errors
+/// For another protocol than fg-generic, or a file that cannot be read.
+pub(super) fn layout_text(protocol: Protocol, file: &Path) -> Result<String, Failure> {
     if protocol != Protocol::FgGeneric {
         let why = "is for fg-generic only";
         return Err(Failure::new(Kind::Usage, "--layout", why, "leave it out"));
     }
-    let text = std::fs::read_to_string(file).map_err(|e| {
+    std::fs::read_to_string(file).map_err(|e| {
         let todo = "name a protocol file of FlightGear";
         Failure::new(Kind::Input, file.display(), &e, todo)
-    })?;
+    })
+}
+
+/// A decoder of lines laid out by a file.
+fn with_layout(protocol: Protocol, file: &Path) -> Result<Box<dyn Decoder>, Failure> {
+    let text = layout_text(protocol, file)?;
     let layout = Layout::parse(&text)
         .map_err(|e| Failure::new(Kind::Input, file.display(), &e, e.todo()))?;
     Ok(Box::new(FgGeneric::new(layout)))

@@ -1,6 +1,6 @@
 //! `glasswing simulate`: bench traffic. A flight profile as the frames of a real box, with faults.
 
-use crate::app::decode::protocol_parser;
+use crate::app::decode::{self, protocol_parser};
 use crate::app::error::{Failure, Kind};
 use crate::app::out::say;
 use crate::app::run::{seconds, stop_on_signals};
@@ -168,14 +168,7 @@ fn encoder(protocol: Protocol, args: &SimulateArgs) -> Result<Box<dyn Encoder>, 
     let Some(file) = &args.layout else {
         return Ok(encode::encoder(protocol));
     };
-    if protocol != Protocol::FgGeneric {
-        let why = "is for fg-generic only";
-        return Err(Failure::new(Kind::Usage, "--layout", why, "leave it out"));
-    }
-    let text = std::fs::read_to_string(file).map_err(|e| {
-        let todo = "name a protocol file of FlightGear";
-        Failure::new(Kind::Input, file.display(), &e, todo)
-    })?;
+    let text = decode::layout_text(protocol, file)?;
     let encoder = FgGeneric::new(&text)
         .map_err(|e| Failure::new(Kind::Input, file.display(), &e, e.todo()))?;
     Ok(Box::new(encoder))
