@@ -7,6 +7,7 @@ use crate::terrain::bake::{self, BakeError, Heights, Seam};
 use crate::terrain::codec::{SurfaceKind, Tile};
 use crate::terrain::height::{GroundReader, HeightError};
 use crate::terrain::pack::{Bounds, Pack, PackInfo, TileReader};
+use crate::terrain::plain::{PlainGrids, RAW_TYPES, RawType};
 use crate::terrain::synth;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
@@ -22,7 +23,9 @@ pub enum TerrainCommand {
     /// Turn elevation files into a pack.
     ///
     /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it), DTED (.dt0, .dt1, .dt2) and
-    /// GeoTIFF (.tif, .tiff: one band of Int16, UInt16 or Float32, in EPSG:4326 or in UTM on WGS 84).
+    /// GeoTIFF (.tif, .tiff: one band of Int16, UInt16 or Float32, in EPSG:4326 or in UTM on WGS 84). Plain grids are read where
+    /// `--bounds` says that they lie: rows of numbers (.txt, .csv, also .gz), grey PNG, raw samples (.raw, .bin, .bil, .flt);
+    /// an Esri ASCII grid (.asc) says it itself.
     ///
     /// Posts are kept as they are. Files may overlap and have different spacings: the finest valid height is taken, a coarser
     /// file is bent to meet it over 32 posts, and where two disagree it is said where and by how much. A void is filled from
@@ -30,7 +33,9 @@ pub enum TerrainCommand {
     /// connected areas become water. Where files reach beyond 69 degrees north or south, the grid of that pole is made too.
     /// The pack appears under its name only when it is whole.
     #[command(
-        after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack"
+        after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack\n  \
+                      glasswing terrain bake etopo20data.gz --bounds=-89.833333,20.166667,89.833333,380.166667 \\\n    \
+                      --bounds-at posts --first-row south --region 45,5,48,12 --out alps.pack"
     )]
     Bake(BakeArgs),
     /// Make the demo terrain: an alpine valley that exists nowhere.
@@ -69,9 +74,49 @@ pub struct BakeArgs {
     /// Take only this part: southern, western, northern, eastern edge in degrees.
     #[arg(long, value_name = "S,W,N,E", allow_hyphen_values = true, value_parser = parse_region)]
     region: Option<Bounds>,
+    /// Where a plain grid lies: southern, western, northern, eastern bound in degrees (the eastern may pass 180). Once for
+    /// each plain grid, in their order.
+    #[arg(long, value_name = "S,W,N,E", allow_hyphen_values = true, value_parser = parse_bounds, help_heading = PLAIN)]
+    bounds: Vec<Bounds>,
+    /// What `--bounds` are: the outer edges of the cells around the outermost samples, or these samples themselves.
+    #[arg(long, value_enum, default_value = "edges", help_heading = PLAIN)]
+    bounds_at: BoundsAt,
+    /// Which row of a plain grid comes first.
+    #[arg(long, value_enum, default_value = "north", help_heading = PLAIN)]
+    first_row: FirstRow,
+    /// Metres per unit of a plain grid's samples.
+    #[arg(long, value_name = "METRES", default_value_t = 1.0, value_parser = parse_unit, help_heading = PLAIN)]
+    unit: f64,
+    /// The sample of a plain grid that stands for no height.
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true, help_heading = PLAIN)]
+    nodata: Option<f64>,
+    /// Size and sample type of .raw, .bin, .bil and .flt files: i16le, i16be, u16le, u16be, f32le or f32be.
+    #[arg(long, value_name = "COLUMNSxROWS,TYPE", value_parser = parse_raw, help_heading = PLAIN)]
+    raw: Option<(usize, usize, RawType)>,
     /// Threads; as many as the machine has cores if not given. The pack is the same whatever their number.
     #[arg(long, value_name = "N")]
     jobs: Option<NonZeroUsize>,
+}
+
+/// The heading of the options for plain grids.
+const PLAIN: &str = "Plain grids";
+
+/// What bounds are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum BoundsAt {
+    /// The outer edges of the outermost cells.
+    Edges,
+    /// The outermost samples.
+    Posts,
+}
+
+/// The row of a grid that comes first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum FirstRow {
+    /// The northernmost.
+    North,
+    /// The southernmost.
+    South,
 }
 
 /// A vertical datum on the command line.
@@ -138,6 +183,37 @@ pub fn run(command: TerrainCommand) -> Result<(), Failure> {
 }
 
 fn parse_region(text: &str) -> Result<Bounds, String> {
+    let bounds = parse_bounds(text)?;
+    if bounds.west_deg < -180.0 || bounds.east_deg > 180.0 {
+        return Err("the western edge must lie below the eastern, within 180 degrees".to_owned());
+    }
+    Ok(bounds)
+}
+
+fn parse_unit(text: &str) -> Result<f64, String> {
+    let unit: f64 = text.parse().map_err(|e| format!("{e}"))?;
+    if unit.is_finite() && unit.abs() > 0.0 {
+        Ok(unit)
+    } else {
+        Err("metres per unit, not nothing".to_owned())
+    }
+}
+
+fn parse_raw(text: &str) -> Result<(usize, usize, RawType), String> {
+    let wrong = || "is wanted as COLUMNSxROWS,TYPE, say 1025x1025,i16le".to_owned();
+    let (size, kind) = text.split_once(',').ok_or_else(wrong)?;
+    let (columns, rows) = size.split_once('x').ok_or_else(wrong)?;
+    let kind = RAW_TYPES
+        .iter()
+        .find(|(name, _)| *name == kind)
+        .ok_or_else(wrong)?;
+    match (columns.parse(), rows.parse()) {
+        (Ok(columns), Ok(rows)) => Ok((columns, rows, kind.1)),
+        _ => Err(wrong()),
+    }
+}
+
+fn parse_bounds(text: &str) -> Result<Bounds, String> {
     let numbers: Vec<f64> = text
         .split(',')
         .map(|n| n.trim().parse().map_err(|e| format!("`{n}`: {e}")))
@@ -148,8 +224,12 @@ fn parse_region(text: &str) -> Result<Bounds, String> {
     if !(-90.0 <= south_deg && south_deg < north_deg && north_deg <= 90.0) {
         return Err("the southern edge must lie below the northern, within 90 degrees".to_owned());
     }
-    if !(-180.0 <= west_deg && west_deg < east_deg && east_deg <= 180.0) {
-        return Err("the western edge must lie below the eastern, within 180 degrees".to_owned());
+    if !(-360.0 <= west_deg
+        && west_deg < east_deg
+        && east_deg <= 540.0
+        && east_deg - west_deg < 361.0)
+    {
+        return Err("the western edge must lie below the eastern, one turn at most".to_owned());
     }
     Ok(Bounds {
         south_deg,
@@ -180,8 +260,17 @@ fn bake(args: &BakeArgs) -> Result<(), Failure> {
         let _ = signal_hook::flag::register(signal, Arc::clone(&stop));
     }
     let bar = progress_bar();
+    let plain = PlainGrids {
+        bounds: args.bounds.clone(),
+        bounds_on_posts: args.bounds_at == BoundsAt::Posts,
+        south_first: args.first_row == FirstRow::South,
+        unit_m: args.unit,
+        nodata: args.nodata,
+        raw: args.raw,
+    };
     let job = bake::Job {
         inputs: &args.inputs,
+        plain: &plain,
         out: &args.out,
         heights: match args.heights {
             HeightsArg::Egm96 => Heights::Egm96,
@@ -272,6 +361,12 @@ fn bake_failure(error: BakeError) -> Failure {
         BakeError::Twice(ref path) => {
             Failure::new(Kind::Usage, path.display(), &error, "name each file once")
         }
+        BakeError::Places { .. } => Failure::new(
+            Kind::Usage,
+            "--bounds",
+            &error,
+            "give one for each file without a place of its own, in their order",
+        ),
         BakeError::NothingInRegion => Failure::new(
             Kind::Usage,
             "--region",

@@ -24,6 +24,7 @@ use crate::terrain::input::{self, InputError};
 use crate::terrain::pack::{Bounds, PackInfo, PostRect, SourceInfo};
 use crate::terrain::partition::Partition;
 use crate::terrain::placement::Placement;
+use crate::terrain::plain::PlainGrids;
 use crate::terrain::raster::{Contents, Geometry, Raster};
 use crate::terrain::store::Scale;
 use std::io;
@@ -55,6 +56,8 @@ pub enum Heights {
 pub struct Job<'a> {
     /// Elevation files.
     pub inputs: &'a [PathBuf],
+    /// How those that are plain grids are to be read.
+    pub plain: &'a PlainGrids,
     /// The pack to write.
     pub out: &'a Path,
     /// What the inputs' heights refer to.
@@ -103,6 +106,14 @@ pub enum BakeError {
     /// An input is given twice.
     #[error("is given twice")]
     Twice(PathBuf),
+    /// There are more places given than plain grids, or fewer.
+    #[error("{places} places are given for {files} plain grids")]
+    Places {
+        /// Files that do not say where they lie.
+        files: usize,
+        /// Places that the user gave.
+        places: usize,
+    },
     /// No input has posts in the region.
     #[error("no input has posts in the region")]
     NothingInRegion,
@@ -117,6 +128,8 @@ pub enum BakeError {
 /// An input as learnt in the first pass.
 struct Input {
     path: PathBuf,
+    /// Where it was said to lie.
+    place: Option<Bounds>,
     geometry: Geometry,
     contents: Contents,
     placement: Placement,
@@ -150,7 +163,7 @@ pub fn bake(job: &Job<'_>, progress: &mut dyn FnMut(usize, usize)) -> Result<Rep
             return Err(BakeError::Stopped);
         }
         let wanted = around(grid, (latitude, longitude), &rects);
-        let rasters = cache.load(&inputs, &wanted)?;
+        let rasters = cache.load(job.plain, &inputs, &wanted)?;
         let layers: Vec<Layer<'_>> = std::iter::zip(&wanted, &rasters)
             .map(|(at, loaded)| Layer {
                 input: *at,
@@ -203,13 +216,15 @@ fn caps(grid: Grid, rects: &[PostRect]) -> impl Iterator<Item = Partition> + '_ 
 /// Reads every input once; chooses the grid; refuses what cannot be put together.
 fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
     refuse_repeats(job.inputs)?;
+    let places = places(job)?;
     let mut read = Vec::new();
-    for path in job.inputs {
+    for (path, place) in job.inputs.iter().zip(places) {
         if job.stop.load(Ordering::Relaxed) {
             return Err(BakeError::Stopped);
         }
-        let raster = input::read(path).map_err(|e| BakeError::Input(path.clone(), e))?;
-        read.push((path.clone(), raster.geometry, raster.contents()));
+        let raster = input::read(path, job.plain, place.as_ref())
+            .map_err(|e| BakeError::Input(path.clone(), e))?;
+        read.push(((path.clone(), place), raster.geometry, raster.contents()));
     }
     let finest = read
         .iter()
@@ -220,7 +235,7 @@ fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
     };
     let mut inputs: Vec<Input> = read
         .into_iter()
-        .filter_map(|(path, geometry, contents)| {
+        .filter_map(|((path, place), geometry, contents)| {
             let placement = Placement::new(&geometry, grid);
             let rect = match job.region {
                 Some(region) => cut(grid, &placement.rect(grid), &region)?,
@@ -228,6 +243,7 @@ fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
             };
             Some(Input {
                 path,
+                place,
                 geometry,
                 contents,
                 placement,
@@ -294,6 +310,29 @@ impl Input {
         let place = |i: &Self| (i.rect.south, i.rect.west, i.name());
         finer.then_with(|| place(self).cmp(&place(other)))
     }
+}
+
+/// Where each input was said to lie: the plain grids among them take the given places in turn. None is given where all of
+/// them say it themselves.
+fn places(job: &Job<'_>) -> Result<Vec<Option<Bounds>>, BakeError> {
+    let is_plain: Vec<bool> = job
+        .inputs
+        .iter()
+        .map(|p| input::plain_kind(p).is_some())
+        .collect();
+    let files = is_plain.iter().filter(|p| **p).count();
+    let given = job.plain.bounds.len();
+    if given != 0 && given != files {
+        return Err(BakeError::Places {
+            files,
+            places: given,
+        });
+    }
+    let mut next = job.plain.bounds.iter();
+    Ok(is_plain
+        .into_iter()
+        .map(|plain| plain.then(|| next.next().copied()).flatten())
+        .collect())
 }
 
 /// The same file twice is a slip of the hand: one of them was meant to be another.
@@ -392,7 +431,12 @@ impl Cache {
         }
     }
 
-    fn load(&mut self, inputs: &[Input], wanted: &[usize]) -> Result<Vec<Rc<Loaded>>, BakeError> {
+    fn load(
+        &mut self,
+        plain: &PlainGrids,
+        inputs: &[Input],
+        wanted: &[usize],
+    ) -> Result<Vec<Rc<Loaded>>, BakeError> {
         let mut loaded = Vec::with_capacity(wanted.len());
         for &at in wanted {
             self.order.retain(|o| *o != at);
@@ -402,7 +446,8 @@ impl Cache {
                 None => {
                     let input = &inputs[at];
                     let failed = |e| BakeError::Input(input.path.clone(), e);
-                    let raster = input::read(&input.path).map_err(failed)?;
+                    let raster =
+                        input::read(&input.path, plain, input.place.as_ref()).map_err(failed)?;
                     if raster.geometry != input.geometry || raster.contents() != input.contents {
                         return Err(failed(InputError::Changed));
                     }

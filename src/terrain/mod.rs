@@ -35,6 +35,7 @@ pub mod pack;
 mod pack_format;
 pub mod partition;
 pub mod placement;
+pub mod plain;
 mod plan;
 pub mod planet;
 pub mod raster;
