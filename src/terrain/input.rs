@@ -61,6 +61,12 @@ pub enum InputError {
     Crs(String),
 }
 
+impl From<io::Error> for InputError {
+    fn from(e: io::Error) -> Self {
+        Self::Io(e)
+    }
+}
+
 /// The reason of an I/O error in the words of a user.
 fn io_why(e: &io::Error) -> &'static str {
     match e.kind() {

@@ -221,6 +221,7 @@ pub(crate) fn baked_as(
         out,
         heights,
         region,
+        parts: None,
         jobs,
         stop: &stop,
     };
