@@ -1,5 +1,10 @@
 //! Packs of regions joined, and bakes that go on after an interruption: the same bytes as a bake at once.
 
+#![expect(
+    clippy::expect_used,
+    reason = "a test says what it needs and fails where that is not so"
+)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -181,6 +186,70 @@ fn an_interrupted_bake_goes_on_from_its_parts() {
     assert!(!parts.exists(), "the folder is gone");
     assert!(
         fs::read(&out).expect("baked") == fs::read(&whole).expect("baked"),
+        "byte for byte"
+    );
+}
+
+/// The worked example for batch systems, on tiles on both sides of a shard's edge.
+#[test]
+fn the_shards_of_a_batch_system_join_to_what_a_bake_makes() {
+    let folder = support::scratch_dir("join_batch");
+    let [tiles, out] = ["tiles", "shards"].map(|n| folder.join(n));
+    for folder in [&tiles, &out] {
+        fs::create_dir_all(folder).expect("made");
+    }
+    let height = |row: i32, column: i32| {
+        #[expect(clippy::cast_possible_truncation, reason = "some hundred metres")]
+        {
+            (300.0 + 90.0 * (f64::from(row) / 40.0).sin() * (f64::from(column) / 55.0).cos()) as i16
+        }
+    };
+    // 50 N is the edge between shards 487 and 523. A row or column that two tiles share is the same in both.
+    let files = ["N49E010.hgt", "N50E010.hgt"].map(|name| tiles.join(name));
+    for (file, first) in files.iter().zip([0, -1200]) {
+        with::write_hgt(file, |row, column| height(row + first, column));
+    }
+    let program = support::glasswing_command();
+    let wrapper = folder.join("glasswing");
+    let words = std::iter::once(program.get_program()).chain(program.get_args());
+    let line: Vec<String> = words
+        .map(|w| format!("'{}'", w.to_string_lossy()))
+        .collect();
+    fs::write(
+        &wrapper,
+        format!("#!/bin/sh\nexec {} \"$@\"\n", line.join(" ")),
+    )
+    .expect("written");
+    fs::set_permissions(
+        &wrapper,
+        std::os::unix::fs::PermissionsExt::from_mode(0o755),
+    )
+    .expect("set");
+    let numbers = ["487", "523", "0"];
+    for (number, variable) in numbers.iter().zip([
+        "SLURM_ARRAY_TASK_ID",
+        "JOB_COMPLETION_INDEX",
+        "SLURM_ARRAY_TASK_ID",
+    ]) {
+        let status = std::process::Command::new("bash")
+            .arg(support::source_dir().join("tests/shards/bake-shard"))
+            .envs([("TILES", &tiles), ("SHARDS", &out), ("GLASSWING", &wrapper)])
+            .env(variable, number)
+            .status()
+            .expect("bash starts");
+        assert!(status.success(), "shard {number}");
+    }
+    let packs = ["shard-487.pack", "shard-523.pack"].map(|n| out.join(n));
+    assert!(
+        !out.join("shard-000.pack").exists(),
+        "a region without tiles makes no shard"
+    );
+    let (joined, whole) = (folder.join("joined.pack"), folder.join("whole.pack"));
+    let report = join(&packs, &joined).expect("sound packs");
+    assert!(report.seams.is_empty(), "{:?}", report.seams);
+    baked(&files, &whole).expect("sound files");
+    assert!(
+        fs::read(&joined).expect("joined") == fs::read(&whole).expect("baked"),
         "byte for byte"
     );
 }

@@ -1,5 +1,10 @@
 //! Plain grids on the command line of `terrain bake`: the text of the whole Earth, a height picture, and what is refused.
 
+#![expect(
+    clippy::expect_used,
+    reason = "a test says what it needs and fails where that is not so"
+)]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;

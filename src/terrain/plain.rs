@@ -294,8 +294,9 @@ impl Esri {
 }
 
 fn text(bytes: &[u8]) -> Result<Table, InputError> {
-    let text =
-        std::str::from_utf8(bytes).map_err(|_| InputError::Plain("is no text".to_owned()))?;
+    let Ok(text) = std::str::from_utf8(bytes) else {
+        return Err(InputError::Plain("is no text".to_owned()));
+    };
     let mut esri = Esri::default();
     let mut has_header = false;
     let mut table = Table {
