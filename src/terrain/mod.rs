@@ -13,6 +13,8 @@ pub mod bake_cell;
 pub mod bake_fill;
 pub mod bake_levels;
 mod bake_measure;
+mod bake_mosaic;
+pub mod bake_plate;
 mod bake_posts;
 mod bake_raise;
 mod bake_summits;
