@@ -14,7 +14,7 @@ use glasswing::terrain::partition::Partition;
 use glasswing::terrain::scene::Settings;
 use glasswing::terrain::surface::{Batch, Damage, Sampler};
 use glasswing::terrain::tables::HeightCode;
-use glasswing::terrain::worker::{Job, Parcel, fill};
+use glasswing::terrain::worker::{Job, Parcel, Purpose, fill};
 use glasswing::time::Monotonic;
 use glasswing::units::Radians;
 use std::sync::Arc;
@@ -73,8 +73,11 @@ fn filling_batches_allocates_nothing() {
             j: -70,
             width: 16,
             height: 255,
+            purpose: Purpose::Show,
+            rank: 0,
         },
         batch: Box::new(Batch::new()),
+        unread: false,
     };
     let before = heap::allocations_of_this_thread();
     for level in 0..8 {

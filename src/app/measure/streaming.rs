@@ -15,6 +15,7 @@ use crate::geo::Camera;
 use crate::gl::Gpu;
 use crate::gl::look::Look;
 use crate::heap::allocations_of_this_thread;
+use crate::terrain::budget::{Need, TEXEL_BYTES};
 use crate::terrain::planet::{Kind as PlanetKind, Planet};
 use crate::terrain::scene::{FrameFigures, Settings};
 use crate::terrain::surface::TileSource;
@@ -35,8 +36,15 @@ pub struct Effort {
     pub hours: f64,
 }
 
-/// Bytes of a texel: heights and surface.
-const TEXEL_BYTES: usize = 8;
+/// Samples that may be decoded in a frame: the default of a board.
+const DECODE_QUOTA: u32 = 131_072;
+
+/// What a frame may cost.
+#[derive(Clone, Copy, Debug)]
+struct Quota {
+    bytes: usize,
+    samples: u32,
+}
 
 /// What was seen on a flight.
 #[derive(Debug, Default)]
@@ -46,6 +54,8 @@ struct Flown {
     still_cpu: Histogram,
     moving_cpu: Histogram,
     upload_bytes_max: usize,
+    decoded_max: u32,
+    dropped: u32,
     over_quota: u32,
     late: u32,
     frames: u32,
@@ -57,10 +67,15 @@ struct Flown {
 
 impl Flown {
     /// Takes a frame of flight in. `since`: frames since the eye leapt, while that has not settled.
-    fn count(&mut self, figures: &FrameFigures, since: &mut Option<u32>) {
+    fn count(&mut self, figures: &FrameFigures, quota: Quota, since: &mut Option<u32>) {
         self.frames += 1;
         self.upload_bytes_max = self.upload_bytes_max.max(figures.uploads_bytes);
-        self.over_quota += u32::from(figures.uploads_texels > QUOTA);
+        self.decoded_max = self.decoded_max.max(figures.decoded_samples);
+        self.dropped = figures.errands.dropped;
+        let over = figures.uploads_texels > QUOTA
+            || figures.uploads_bytes > quota.bytes
+            || figures.decoded_samples > quota.samples;
+        self.over_quota += u32::from(over);
         self.resident_bytes_max = self.resident_bytes_max.max(figures.resident_bytes);
         if let Some(frames) = since {
             *frames += 1;
@@ -85,6 +100,8 @@ impl Flown {
             "teleports_unsettled": self.unsettled,
             "over_quota_frames": self.over_quota,
             "upload_bytes_max": self.upload_bytes_max,
+            "decoded_samples_max": self.decoded_max,
+            "jobs_dropped": self.dropped,
             "resident_bytes_max": self.resident_bytes_max,
             "frame_ms": {"still": self.still.to_json(), "moving": self.moving.to_json()},
             "process_ms": {"still": self.still_cpu.to_json(), "moving": self.moving_cpu.to_json()},
@@ -109,6 +126,7 @@ fn frame(bench: &mut Bench, camera: &Camera, now: Monotonic) -> Result<FrameFigu
 fn fly(
     bench: &mut Bench,
     route: &Route,
+    quota: Quota,
     done: &mut dyn FnMut(usize, usize),
 ) -> Result<Flown, Failure> {
     let mut out = Flown::default();
@@ -140,7 +158,7 @@ fn fly(
             out.moving_cpu.add(spent);
             // The frame far away is only there so that nothing is left of the place before.
             if !route.aways.contains(&number) {
-                out.count(&figures, &mut since);
+                out.count(&figures, quota, &mut since);
             }
             number += 1;
             done(number, route.cameras.len());
@@ -228,17 +246,28 @@ fn of_source<S: Stored>(
     progress: &Progress,
 ) -> Result<Value, Failure> {
     let mut rows = Vec::new();
+    let settings = Settings {
+        decode_samples_per_frame: DECODE_QUOTA,
+        ..settings
+    };
+    let need = Need::of(source.info(), settings.shape);
+    let quota = Quota {
+        bytes: need.plan_bytes_max() + QUOTA * TEXEL_BYTES,
+        samples: DECODE_QUOTA,
+    };
     let routes = stream_flights::all(source.as_ref(), middle, effort.seconds);
     for route in &routes {
         for (pace_name, pace) in Pace::ALL {
             let throttled = Arc::new(Throttled::new(Arc::clone(source), pace));
             let mut bench = Bench::new(gpu, &throttled, settings)?;
             let name = format!("{}, {pace_name}", route.name);
-            let flown = fly(&mut bench, route, &mut |at, of| progress.at(&name, at, of))?;
+            let flown = fly(&mut bench, route, quota, &mut |at, of| {
+                progress.at(&name, at, of);
+            })?;
             rows.push(flown.report(route.name, pace_name, throttled.read()));
         }
     }
-    let mut document = summary(&rows);
+    let mut document = summary(&rows, quota);
     document["flights"] = rows.into();
     if effort.hours > 0.0 {
         progress.say("a long flight without pictures");
@@ -250,7 +279,7 @@ fn of_source<S: Stored>(
 }
 
 /// The figures that stand for all flights.
-fn summary(rows: &[Value]) -> Value {
+fn summary(rows: &[Value], quota: Quota) -> Value {
     let of = |row: &Value, key: &str| row[key].as_u64().unwrap_or(0);
     let most = |key: &str| rows.iter().map(|row| of(row, key)).max();
     let sum = |key: &str| rows.iter().map(|row| of(row, key)).sum::<u64>();
@@ -261,7 +290,10 @@ fn summary(rows: &[Value]) -> Value {
         .find(free)
         .map_or(Value::Null, |row| row["frame_ms"].clone());
     json!({
-        "quota_bytes": QUOTA * TEXEL_BYTES,
+        "quota_bytes": quota.bytes,
+        "quota_texels": QUOTA,
+        "quota_samples": quota.samples,
+        "decoded_samples_max": most("decoded_samples_max"),
         "upload_bytes_max": most("upload_bytes_max"),
         "over_quota_frames": sum("over_quota_frames"),
         "teleport_frames": rows.iter().filter(free).map(|row| of(row, "teleport_frames")).max(),
