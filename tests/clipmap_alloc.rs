@@ -9,10 +9,11 @@ use glasswing::gl::sky::SkyRenderer;
 use glasswing::gl::target::Target;
 use glasswing::gl::terrain::TerrainRenderer;
 use glasswing::heap;
+use glasswing::terrain::budget::Need;
 use glasswing::terrain::clipmap::Shape;
 use glasswing::terrain::partition::Partition;
 use glasswing::terrain::scene::Settings;
-use glasswing::terrain::surface::{Batch, Damage, Sampler};
+use glasswing::terrain::surface::{Batch, Damage, Sampler, TileSource, cache_bytes};
 use glasswing::terrain::tables::HeightCode;
 use glasswing::terrain::worker::{Job, Parcel, Purpose, fill};
 use glasswing::time::Monotonic;
@@ -51,6 +52,36 @@ fn a_flight_with_a_teleport_allocates_nothing() {
     fly(30..150);
     let after = heap::allocations_of_this_thread();
     assert_eq!(after - before, 0, "allocations in 120 frames");
+}
+
+#[test]
+fn memory_is_what_was_worked_out_before_and_stays_that() {
+    let (gpu, _screen) = gpu(64, 40);
+    let land = Arc::new(Land::new(1200, mountains));
+    for vertices in [63, 127] {
+        let shape = Shape::new(vertices).expect("a legal shape");
+        let need = Need {
+            globe_bytes: 0,
+            ..Need::of(land.info(), shape)
+        };
+        let allowed = need.fixed_bytes() + cache_bytes(40);
+        let settings = need.settings(shape.into(), allowed).expect("enough");
+        assert_eq!(settings.tiles_kept, 40);
+        let mut terrain =
+            TerrainRenderer::new(&gpu, settings, Arc::clone(&land)).expect("a renderer");
+        for step in 0..20 {
+            let camera = Camera {
+                eye: Geodetic::from_degrees(10.0 + f64::from(step), 20.0, 8000.0),
+                attitude: Attitude::from_degrees(0.0, -5.0, 0.0),
+                hfov: Radians::from_degrees(60.0),
+                width_px: 64,
+                height_px: 40,
+            };
+            let figures = terrain.prepare(&camera, Monotonic::read(), 65_536);
+            let bytes = figures.expect("a camera").resident_bytes;
+            assert_eq!(bytes, allowed, "{vertices} vertices");
+        }
+    }
 }
 
 #[test]

@@ -21,30 +21,32 @@ use glasswing::units::Radians;
 use std::fs;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// Two one-degree tiles of hills, 20 E to 22 E; `base_m` tells packs apart.
-fn pack(name: &str, base_m: i16) -> PathBuf {
-    let dir = support::scratch_dir(name);
-    let mut files = Vec::new();
-    for corner in ["N10E020", "N10E021"] {
-        let file = dir.join(format!("{corner}.hgt"));
+/// A pack of a one-degree tile of hills, 400 to 800 m high, 10 N 20 E; baked once.
+fn pack(name: &str) -> PathBuf {
+    static BAKED: OnceLock<Vec<u8>> = OnceLock::new();
+    let bytes = BAKED.get_or_init(|| {
+        let dir = support::scratch_dir("stream_disk");
+        let file = dir.join("N10E020.hgt");
         let height = |x: usize, y: usize| {
             let wave = i16::try_from((x / 5 + y / 3) % 150).expect("small");
-            (base_m + wave).to_be_bytes()
+            (500 + wave).to_be_bytes()
         };
         let bytes: Vec<u8> = (0..1201)
             .rev()
             .flat_map(|y| (0..1201).flat_map(move |x| height(x, y)))
             .collect();
         fs::write(&file, bytes).expect("a tile is written");
-        files.push(file);
-    }
-    let out = dir.join("out.pack");
-    with::baked(&files, &out).expect("it bakes");
-    out
+        let out = dir.join("out.pack");
+        with::baked(&[file], &out).expect("it bakes");
+        fs::read(out).expect("the pack")
+    });
+    let path = support::scratch_dir(name).join("terrain.pack");
+    fs::write(&path, bytes).expect("written");
+    path
 }
 
 fn eye(lat: f64, lon: f64) -> Camera {
@@ -106,15 +108,17 @@ fn overwrite(path: &Path, bytes: &[u8]) {
 
 #[test]
 fn a_pack_that_is_removed_or_replaced_by_name_flies_on_as_it_was() {
-    let path = pack("disk_removed", 500);
+    let path = pack("disk_removed");
     let mut world = world(Pack::open(&path).expect("a pack"));
     settle(&mut world, &eye(10.2, 20.2));
     fs::remove_file(&path).expect("removed");
-    let figures = settle(&mut world, &eye(10.7, 21.6));
+    let figures = settle(&mut world, &eye(10.7, 20.7));
     assert_eq!(figures.damage, Default::default());
-    // Another under the same name is another file.
-    fs::rename(pack("disk_other", 3000), &path).expect("renamed");
-    let there = eye(10.4, 21.2);
+    // Another under the same name is another file, and this one no pack at all.
+    let other = path.with_extension("other");
+    fs::write(&other, [7; 100_000]).expect("written");
+    fs::rename(&other, &path).expect("renamed");
+    let there = eye(10.3, 20.4);
     let figures = settle(&mut world, &there);
     assert_eq!(figures.damage, Default::default());
     let ground = world.ground(&there.eye).expect("ground").0;
@@ -126,7 +130,7 @@ fn a_pack_that_is_removed_or_replaced_by_name_flies_on_as_it_was() {
 
 #[test]
 fn a_pack_that_is_overwritten_in_flight_is_found_damaged_and_gives_no_height() {
-    let path = pack("disk_overwritten", 500);
+    let path = pack("disk_overwritten");
     let mut world = world(Pack::open(&path).expect("a pack"));
     let here = eye(10.2, 20.2);
     settle(&mut world, &here);
@@ -142,7 +146,7 @@ fn a_pack_that_is_overwritten_in_flight_is_found_damaged_and_gives_no_height() {
         Ok(before),
         "what is resident stays"
     );
-    let there = eye(10.7, 21.6);
+    let there = eye(10.7, 20.7);
     let figures = settle(&mut world, &there);
     assert!(figures.damage.checksum > 0, "{figures:?}");
     assert!(figures.levels.is_some(), "a closed surface is drawn");
@@ -151,13 +155,13 @@ fn a_pack_that_is_overwritten_in_flight_is_found_damaged_and_gives_no_height() {
 
 #[test]
 fn a_file_that_cannot_be_read_for_a_while_is_read_again() {
-    let path = pack("disk_cut", 500);
+    let path = pack("disk_cut");
     let bytes = fs::read(&path).expect("the pack");
     let mut world = world(Pack::open(&path).expect("a pack"));
     settle(&mut world, &eye(10.2, 20.2));
     // As when a card has lost contact: nothing is there where the tiles were.
     overwrite(&path, &bytes[..2000]);
-    let there = eye(10.7, 21.6);
+    let there = eye(10.7, 20.7);
     let hurt = settle(&mut world, &there);
     assert!(hurt.damage.reading > 0 && hurt.errands.unread, "{hurt:?}");
     assert_eq!(world.ground(&there.eye), Err(NoTerrain::Void));
@@ -212,7 +216,7 @@ impl TileSource for Moody {
 
 #[test]
 fn a_read_that_does_not_come_back_holds_up_no_frame() {
-    let path = pack("disk_stuck", 500);
+    let path = pack("disk_stuck");
     let mood = Arc::new(AtomicU8::new(WELL));
     let mut world = world(Moody {
         pack: Pack::open(&path).expect("a pack"),
@@ -220,7 +224,7 @@ fn a_read_that_does_not_come_back_holds_up_no_frame() {
     });
     settle(&mut world, &eye(10.2, 20.2));
     mood.store(STUCK, Ordering::Release);
-    let there = eye(10.7, 21.6);
+    let there = eye(10.7, 20.7);
     let first = frame(&mut world, &there);
     assert!(first.errands.outstanding > 0, "{first:?}");
     // The reader is stuck for all of these: a frame that waited for it would be the last.
@@ -237,7 +241,7 @@ fn a_read_that_does_not_come_back_holds_up_no_frame() {
 
 #[test]
 fn an_input_output_error_is_counted_drawn_coarser_and_tried_again() {
-    let path = pack("disk_failing", 500);
+    let path = pack("disk_failing");
     let mood = Arc::new(AtomicU8::new(WELL));
     let mut world = world(Moody {
         pack: Pack::open(&path).expect("a pack"),
@@ -246,7 +250,7 @@ fn an_input_output_error_is_counted_drawn_coarser_and_tried_again() {
     let here = eye(10.2, 20.2);
     settle(&mut world, &here);
     mood.store(FAILING, Ordering::Release);
-    let there = eye(10.7, 21.6);
+    let there = eye(10.7, 20.7);
     let figures = settle(&mut world, &there);
     assert!(
         figures.damage.reading > 0 && figures.errands.unread,
@@ -262,12 +266,12 @@ fn an_input_output_error_is_counted_drawn_coarser_and_tried_again() {
 
 #[test]
 fn a_damaged_tile_is_drawn_from_the_coarser_level_and_the_rest_of_the_world_stays() {
-    let path = pack("disk_tile", 500);
+    let path = pack("disk_tile");
     let mut bytes = fs::read(&path).expect("the pack");
-    // The index is described in terrain::pack: the level-0 tile of 10.6 N, 21.6 E.
+    // The index is described in terrain::pack: the level-0 tile of 10.6 N, 20.6 E.
     let number = |at: usize| i32::from_le_bytes(bytes[at..at + 4].try_into().expect("4 bytes"));
     let index = usize::try_from(number(112)).expect("a small file");
-    let (column, row) = (25_920 / 128, 12_720 / 128);
+    let (column, row) = (24_720 / 128, 12_720 / 128);
     let entry = (index..)
         .step_by(40)
         .find(|&at| bytes[at] == 0 && number(at + 4) == column && number(at + 8) == row)
@@ -277,8 +281,8 @@ fn a_damaged_tile_is_drawn_from_the_coarser_level_and_the_rest_of_the_world_stay
     fs::write(&path, &bytes).expect("written");
     let mut world = world(Pack::open(&path).expect("a pack"));
     // From afar, past it, and on: 128 posts are 0.107 degrees.
-    for step in 0..=40_u32 {
-        let lon = 21.4 + 0.01 * f64::from(step);
+    for step in 0..=20_u32 {
+        let lon = 20.4 + 0.02 * f64::from(step);
         let camera = eye(10.6, lon);
         let figures = settle(&mut world, &camera);
         assert!(figures.is_whole(), "{lon}: {figures:?}");
@@ -295,4 +299,31 @@ fn a_damaged_tile_is_drawn_from_the_coarser_level_and_the_rest_of_the_world_stay
     }
     let damage = world.figures().damage;
     assert!(damage.checksum > 0 && damage.reading == 0, "{damage:?}");
+}
+
+#[test]
+fn a_board_that_allows_too_little_is_refused_by_key_with_what_is_needed() {
+    let path = pack("disk_board");
+    let board = path.with_file_name("board.toml");
+    for (key, value) in [("resident_mib", 9), ("upload_bytes_per_frame", 131_072)] {
+        let text = format!(
+            "inherit = \"base\"\n[screen]\nkind = \"surfaceless\"\n[terrain]\npack = \"terrain.pack\"\n\
+             vertices = 447\n{key} = {value}\n"
+        );
+        fs::write(&board, text).expect("a board file");
+        let output = support::glasswing_command()
+            .arg("run")
+            .arg("--board")
+            .arg(&board)
+            .args(["--seconds", "1"])
+            .output()
+            .expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        let of_key = format!("terrain.{key}: {value} is too little");
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(
+            said.contains(&of_key) && said.contains("are needed"),
+            "{said}"
+        );
+    }
 }
