@@ -116,7 +116,7 @@ fn a_pack_that_is_removed_or_replaced_by_name_flies_on_as_it_was() {
     assert_eq!(figures.damage, Default::default());
     // Another under the same name is another file, and this one no pack at all.
     let other = path.with_extension("other");
-    fs::write(&other, [7; 100_000]).expect("written");
+    fs::write(&other, vec![7; 100_000]).expect("written");
     fs::rename(&other, &path).expect("renamed");
     let there = eye(10.3, 20.4);
     let figures = settle(&mut world, &there);
