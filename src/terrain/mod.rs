@@ -37,6 +37,8 @@ pub mod partition;
 pub mod placement;
 mod plan;
 pub mod planet;
+pub mod pyramid;
+mod rans;
 pub mod raster;
 pub mod reach;
 mod rings;

@@ -49,7 +49,7 @@ pub struct Effort {
 }
 
 /// CPU time of the process or the thread.
-fn cpu(clock: ClockId) -> Duration {
+pub(super) fn cpu(clock: ClockId) -> Duration {
     let t = clock_gettime(clock);
     Duration::new(
         u64::try_from(t.tv_sec).unwrap_or(0),
