@@ -15,6 +15,7 @@ use crate::terrain::grid::{TILE_AREA, TILE_SIDE, TileKey};
 use crate::terrain::input;
 use crate::terrain::pack::TileReader;
 use crate::terrain::partition::Partition;
+use crate::terrain::plain::PlainGrids;
 use crate::terrain::planet::{self, Planet};
 use crate::terrain::pyramid::{Parent, PyramidDecoder, PyramidEncoder, parent_of, step_of};
 use crate::terrain::raster::{Raster, Samples};
@@ -161,7 +162,7 @@ impl Field {
         }
         let refused =
             |e: input::InputError| Failure::new(Kind::Input, path.display(), &e, e.remedy());
-        let raster = input::read(path).map_err(refused)?;
+        let raster = input::read(path, &PlainGrids::default(), None).map_err(refused)?;
         let scale = scale(&raster);
         let posts = posts(&raster, scale);
         let sea = scale.quanta(0.0);
