@@ -44,6 +44,8 @@ pub mod placement;
 pub mod plain;
 mod plan;
 pub mod planet;
+pub mod pyramid;
+mod rans;
 pub mod raster;
 pub mod reach;
 mod rings;
