@@ -107,6 +107,26 @@ fn containers_raw_bytes_and_layouts_are_all_read() {
 }
 
 #[test]
+fn lines_of_another_layout_are_told() {
+    let folder = support::scratch_dir("decode-layout");
+    let file = folder.join("other.txt");
+    std::fs::write(&file, "1.5,2.5,3.5\n".repeat(20)).expect("written");
+    let output = decode("fg-generic", &file, &["--json"]);
+    // The first may have been cut.
+    let document = json_of(&output);
+    assert_eq!(
+        (&document["ignored"], &document["bad"]["short"]),
+        (&json!(1), &json!(19))
+    );
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        text.contains("other.txt") && text.contains("--layout"),
+        "{text}"
+    );
+    assert_eq!(text.lines().count(), 1, "{text}");
+}
+
+#[test]
 fn traffic_of_others_is_ignored() {
     let Some(data) = support::data_dir() else {
         return;
