@@ -71,7 +71,7 @@ fn no_frame_decodes_more_than_it_may_and_everything_still_comes() {
     };
     settle(&mut scene, &camera(46.0, 8.0, 3000.0), &mut count);
     settle(&mut scene, &camera(-20.0, 100.0, 3000.0), &mut count);
-    assert_eq!(most, 2 * 16_384, "what is allowed is used, and no more");
+    assert!((16_384..=2 * 16_384).contains(&most), "{most}");
     // Seven levels or more, each on 2 x 2 tiles at least, twice.
     assert!(all >= 2 * 7 * 4 * 16_384, "{all}");
 }
@@ -81,6 +81,8 @@ fn a_leap_is_refilled_within_fifteen_frames() {
     // Land that costs nothing to make, as a pack's tiles cost little to decode.
     let mut scene = scene(255, 131_072, Land::new(1200, sea));
     settle(&mut scene, &camera(46.0, 8.0, 3000.0), &mut |_| ());
+    // By way of somewhere else: two leaps in two frames are no speed either.
+    frame(&mut scene, &camera(20.0, -60.0, 3000.0), 60);
     let there = camera(-20.0, 100.0, 3000.0);
     let mut frames = 1;
     // Slow enough for an unoptimised streaming thread on a busy machine: what is counted is what quotas and queues take.

@@ -6,6 +6,11 @@ use crate::limits::LEVELS_MAX;
 /// Frames that a speed is taken from: half a second at 30 frames a second.
 const FRAMES: usize = 16;
 
+/// No step of a flight is longer than this many level-0 posts, unless most are: at 3" 4 km.
+const LEAP_POSTS: f64 = 48.0;
+/// How many times as long as the median of the last steps a leap is.
+const LEAP_TIMES: f64 = 8.0;
+
 /// Share of a quota that strips may take before a level counts as outrun; the rest is for levels that are filled anew.
 const STRIP_SHARE: f64 = 0.5;
 
@@ -46,21 +51,20 @@ impl Motion {
         self.steps[(self.next + FRAMES - 1) % FRAMES]
     }
 
-    /// Level-0 posts a frame, east and north. The longest step of the last frames is left out: a leap is no speed.
+    /// Level-0 posts a frame, east and north. Leaps are no speed: steps of more than [`LEAP_POSTS`] that are many times as long as
+    /// most of the last frames' count as standing.
     #[must_use]
     pub fn velocity(&self) -> (f64, f64) {
         let length = |s: &(f64, f64)| s.0.abs().max(s.1.abs());
-        let longest = self
-            .steps
-            .iter()
-            .max_by(|a, b| length(a).total_cmp(&length(b)));
+        let mut lengths = self.steps.map(|s| length(&s));
+        lengths.sort_unstable_by(f64::total_cmp);
+        let longest = LEAP_POSTS.max(LEAP_TIMES * lengths[FRAMES / 2]);
         let sum = self
             .steps
             .iter()
+            .filter(|s| length(s) <= longest)
             .fold((0.0, 0.0), |a, s| (a.0 + s.0, a.1 + s.1));
-        let left_out = longest.copied().unwrap_or_default();
-        let frames = (FRAMES - 1) as f64;
-        ((sum.0 - left_out.0) / frames, (sum.1 - left_out.1) / frames)
+        (sum.0 / FRAMES as f64, sum.1 / FRAMES as f64)
     }
 
     /// Posts of level 0 a frame, both ways added.
@@ -179,8 +183,11 @@ mod tests {
         let x = flown(&mut motion, 0.0, 0.25);
         let (east, north) = motion.velocity();
         assert!((east - 0.25).abs() < 1e-9 && (north + 0.25).abs() < 1e-9);
+        // Away and back again: two frames in which it does not fly.
         motion.note((x + 90_000.0, -x));
+        motion.note((x, -x));
         let (east, north) = motion.velocity();
+        let (east, north) = (east * 16.0 / 14.0, north * 16.0 / 14.0);
         assert!(
             (east - 0.25).abs() < 1e-9 && (north + 0.25).abs() < 1e-9,
             "{east} {north}"

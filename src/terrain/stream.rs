@@ -13,7 +13,7 @@ use super::clipmap::{Shape, TorusPart, Window};
 use super::motion::{Motion, Pursuit};
 use super::partition::Partition;
 use super::surface::{BATCH_TEXELS, Batch};
-use super::worker::{BATCHES, Job, Parcel, Purpose, Worker};
+use super::worker::{BATCHES, Parcel, Purpose, Worker};
 use crate::limits::LEVELS_MAX;
 use arrayvec::ArrayVec;
 
@@ -70,14 +70,6 @@ enum Residency {
     },
 }
 
-/// Something of a level that could not be read.
-#[derive(Clone, Copy, Debug)]
-struct Hurt {
-    job: Job,
-    /// Frames until it is tried again.
-    rest: u16,
-}
-
 /// A level's copy of what its textures hold.
 #[derive(Debug)]
 struct Level {
@@ -93,7 +85,8 @@ struct Level {
     was_followed: bool,
     /// The window for which tiles were last fetched ahead.
     ahead: Option<Window>,
-    hurt: Option<Hurt>,
+    /// Where some tile could not be read: frames until it is tried again.
+    hurt: Option<u16>,
     heights: Vec<[u16; 2]>,
     surface: Vec<[u8; 4]>,
     extremes: Vec<(u16, u16)>,
@@ -309,7 +302,10 @@ impl Streamer {
             answered: self.answered,
             dropped: self.worker.dropped(),
             finest: self.finest,
-            unread: self.levels.iter().any(|level| level.hurt.is_some()),
+            unread: self
+                .levels
+                .iter()
+                .any(|level| level.is_followed && level.hurt.is_some()),
         }
     }
 
@@ -427,7 +423,7 @@ impl Streamer {
         };
         level.version = level.version.wrapping_add(1);
         if held.parcel.unread {
-            self.remember_unread(job);
+            self.remember_unread(job.level);
         }
         self.free.push(held.parcel.batch);
         None

@@ -1,7 +1,7 @@
 //! What is asked of the streaming thread: which levels follow the eye, by which strips and squares, what is looked up ahead
 //! of the flight when nothing is urgent, and what is tried again after a disk has failed.
 
-use super::{FILL_SIDE, Hurt, Residency, SQUARES_MAX, STRIP_POSTS_MAX, Streamer};
+use super::{FILL_SIDE, Residency, SQUARES_MAX, STRIP_POSTS_MAX, Streamer};
 use crate::terrain::clipmap::Window;
 use crate::terrain::motion::Allowed;
 use crate::terrain::surface::BATCH_TEXELS;
@@ -219,26 +219,12 @@ impl Streamer {
 
     /// When nothing is urgent: looks again at what could not be read, else fetches the tiles before the eye, finest level first.
     pub(super) fn look_ahead(&mut self, (finest, coarsest): (u8, u8)) {
-        let mut probe = None;
-        for level in finest..=coarsest {
-            if let Some(hurt) = &mut self.levels[usize::from(level)].hurt {
-                hurt.rest = hurt.rest.saturating_sub(1);
-                if hurt.rest == 0 {
-                    hurt.rest = RETRY_FRAMES;
-                    probe = Some((level, hurt.job));
-                }
-            }
-        }
+        let probe = self.probe(finest, coarsest);
         if self.outstanding > 0 || self.is_looking || self.held.is_some() {
             return;
         }
-        if let Some((level, job)) = probe {
-            self.look(Job {
-                purpose: Purpose::Ahead,
-                rank: PROBE,
-                generation: self.levels[usize::from(level)].generation,
-                ..job
-            });
+        if let Some(job) = probe {
+            self.look(job);
             return;
         }
         let (x, y) = self.motion.velocity();
@@ -269,6 +255,30 @@ impl Streamer {
         }
     }
 
+    /// The window of the coarsest level that could not be read in part, when it is time to look again: finer ones blend into it,
+    /// and are no better before it is.
+    fn probe(&mut self, finest: u8, coarsest: u8) -> Option<Job> {
+        let hurt = |level: &u8| self.levels[usize::from(*level)].hurt.is_some();
+        let level = (finest..=coarsest).rev().find(hurt)?;
+        let window = self.window(level)?;
+        let job = Job {
+            i: window.i,
+            j: window.j,
+            width: count(self.shape.vertices()),
+            height: count(self.shape.vertices()),
+            purpose: Purpose::Ahead,
+            rank: PROBE,
+            ..self.job(level)
+        };
+        let rest = self.levels[usize::from(level)].hurt.as_mut()?;
+        *rest = rest.saturating_sub(1);
+        if *rest > 0 {
+            return None;
+        }
+        *rest = RETRY_FRAMES;
+        Some(job)
+    }
+
     fn look(&mut self, job: Job) {
         self.is_looking = self.ask(job);
     }
@@ -292,12 +302,10 @@ impl Streamer {
         self.free.push(parcel.batch);
     }
 
-    /// Remembers a job some tile of which could not be read.
-    pub(super) fn remember_unread(&mut self, job: Job) {
-        let rest = RETRY_FRAMES;
-        self.levels[usize::from(job.level)]
-            .hurt
-            .get_or_insert(Hurt { job, rest });
+    /// Remembers that some tile of a level could not be read.
+    pub(super) fn remember_unread(&mut self, level: u8) {
+        let of = &mut self.levels[usize::from(level)];
+        of.hurt.get_or_insert(RETRY_FRAMES);
     }
 
     /// Sends a job if there is a batch for it.
