@@ -50,6 +50,7 @@ mod synth_valley;
 pub mod tables;
 pub mod texel;
 pub mod truth;
+pub mod under;
 pub mod utm;
 pub mod worker;
 pub mod world;
