@@ -9,12 +9,13 @@ use glasswing::gl::sky::SkyRenderer;
 use glasswing::gl::target::Target;
 use glasswing::gl::terrain::TerrainRenderer;
 use glasswing::heap;
+use glasswing::terrain::budget::Need;
 use glasswing::terrain::clipmap::Shape;
 use glasswing::terrain::partition::Partition;
 use glasswing::terrain::scene::Settings;
-use glasswing::terrain::surface::{Batch, Damage, Sampler};
+use glasswing::terrain::surface::{Batch, Damage, Sampler, TileSource, cache_bytes};
 use glasswing::terrain::tables::HeightCode;
-use glasswing::terrain::worker::{Job, Parcel, fill};
+use glasswing::terrain::worker::{Job, Parcel, Purpose, fill};
 use glasswing::time::Monotonic;
 use glasswing::units::Radians;
 use std::sync::Arc;
@@ -54,6 +55,36 @@ fn a_flight_with_a_teleport_allocates_nothing() {
 }
 
 #[test]
+fn memory_is_what_was_worked_out_before_and_stays_that() {
+    let (gpu, _screen) = gpu(64, 40);
+    let land = Arc::new(Land::new(1200, mountains));
+    for vertices in [63, 127] {
+        let shape = Shape::new(vertices).expect("a legal shape");
+        let need = Need {
+            globe_bytes: 0,
+            ..Need::of(land.info(), shape)
+        };
+        let allowed = need.fixed_bytes() + cache_bytes(40);
+        let settings = need.settings(shape.into(), allowed).expect("enough");
+        assert_eq!(settings.tiles_kept, 40);
+        let mut terrain =
+            TerrainRenderer::new(&gpu, settings, Arc::clone(&land)).expect("a renderer");
+        for step in 0..20 {
+            let camera = Camera {
+                eye: Geodetic::from_degrees(10.0 + f64::from(step), 20.0, 8000.0),
+                attitude: Attitude::from_degrees(0.0, -5.0, 0.0),
+                hfov: Radians::from_degrees(60.0),
+                width_px: 64,
+                height_px: 40,
+            };
+            let figures = terrain.prepare(&camera, Monotonic::read(), 65_536);
+            let bytes = figures.expect("a camera").resident_bytes;
+            assert_eq!(bytes, allowed, "{vertices} vertices");
+        }
+    }
+}
+
+#[test]
 fn filling_batches_allocates_nothing() {
     let land = Land::new(1200, mountains).broken(|key| key.column % 5 == 0);
     let damage = Damage::default();
@@ -73,8 +104,11 @@ fn filling_batches_allocates_nothing() {
             j: -70,
             width: 16,
             height: 255,
+            purpose: Purpose::Show,
+            rank: 0,
         },
         batch: Box::new(Batch::new()),
+        unread: false,
     };
     let before = heap::allocations_of_this_thread();
     for level in 0..8 {

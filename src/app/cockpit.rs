@@ -21,6 +21,7 @@ use crate::gl::target::Target;
 use crate::gl::{GlError, Gpu};
 use crate::screen::{self, Screen};
 use crate::state::FlightState;
+use crate::terrain::budget::{Need, TooLittle};
 use crate::terrain::clipmap::Shape;
 use crate::terrain::pack::Pack;
 use crate::terrain::scene::Settings;
@@ -41,7 +42,9 @@ pub struct Drawn {
     pub upload_bytes: u64,
     /// Height samples sent to the GPU.
     pub upload_texels: u64,
-    /// Bytes of terrain held for the GPU.
+    /// Height samples decoded in the frame before.
+    pub decoded_samples: u64,
+    /// Bytes of terrain: textures, copies, decoded tiles.
     pub resident_bytes: u64,
     /// Whether terrain was in the picture.
     pub terrain_shown: bool,
@@ -74,29 +77,26 @@ impl Cockpit {
     /// # Errors
     /// When the GPU refuses something.
     pub fn new(screen: &dyn Screen, board: &Board, pack: Option<Pack>) -> Result<Self, Failure> {
+        let means = Means::of(board, pack.as_ref())?;
         let gpu = Gpu::new(&|name| screen.gl_proc(name)).map_err(|e| gl_failed(screen, e))?;
         let (width_px, height_px) = screen.size_px();
         let size = Size {
             width_px,
             height_px,
         };
-        Self::on(&gpu, board, pack, size, screen.is_headless()).map_err(|e| gl_failed(screen, e))
+        Self::on(&gpu, board, (pack, means), size, screen.is_headless())
+            .map_err(|e| gl_failed(screen, e))
     }
 
     fn on(
         gpu: &Rc<Gpu>,
         board: &Board,
-        pack: Option<Pack>,
+        (pack, means): (Option<Pack>, Means),
         size: Size,
         headless: bool,
     ) -> Result<Self, MakeError> {
-        let settings = Settings {
-            shape: Shape::new(board.terrain.vertices).ok_or(MakeError::Shape)?,
-            target_px: board.terrain.target_px,
-            ..Settings::default()
-        };
         let vision = pack
-            .map(|pack| Vision::new(gpu, settings, pack))
+            .map(|pack| Vision::new(gpu, means.settings, pack))
             .transpose()?;
         Ok(Self {
             size,
@@ -105,7 +105,7 @@ impl Cockpit {
             instruments: Instruments::new(gpu, size)?,
             vision,
             config: config(board),
-            quota_texels: board.terrain.upload_texels_per_frame as usize,
+            quota_texels: means.quota_texels,
             ui: Ui {
                 awareness: board.terrain.awareness,
                 grid: board.terrain.grid,
@@ -241,6 +241,67 @@ impl Cockpit {
     }
 }
 
+/// How terrain is drawn within what a board allows.
+#[derive(Clone, Copy, Debug)]
+struct Means {
+    settings: Settings,
+    quota_texels: usize,
+}
+
+impl Means {
+    /// # Errors
+    /// When the board allows less than its number of vertices needs with this pack.
+    fn of(board: &Board, pack: Option<&Pack>) -> Result<Self, Failure> {
+        let wish = &board.terrain;
+        let refused = |key: &str, why: String| {
+            let what = format!(
+                "terrain.{key}: {why} with terrain.vertices = {}",
+                wish.vertices
+            );
+            let todo = "give more there, or fewer vertices";
+            Failure::new(Kind::Usage, board.file.display(), what, todo)
+        };
+        let shape = Shape::new(wish.vertices)
+            .ok_or_else(|| refused("vertices", "no level is drawn".to_owned()))?;
+        let settings = Settings {
+            shape,
+            target_px: wish.target_px,
+            decode_samples_per_frame: wish.decode_samples_per_frame,
+            ..Settings::default()
+        };
+        let Some(pack) = pack else {
+            let quota_texels = 0;
+            return Ok(Self {
+                settings,
+                quota_texels,
+            });
+        };
+        let need = Need::of(pack.info(), shape);
+        let resident = (wish.resident_mib as usize) << 20;
+        let settings = need
+            .settings(settings, resident)
+            .map_err(|TooLittle(least)| {
+                let why = format!(
+                    "{} is too little, {} are needed",
+                    wish.resident_mib,
+                    least.div_ceil(1 << 20)
+                );
+                refused("resident_mib", why)
+            })?;
+        let upload = wish.upload_bytes_per_frame as usize;
+        let quota_texels = need.texels_within(upload).map_err(|TooLittle(least)| {
+            refused(
+                "upload_bytes_per_frame",
+                format!("{upload} is too little, {least} are needed"),
+            )
+        })?;
+        Ok(Self {
+            settings,
+            quota_texels,
+        })
+    }
+}
+
 fn config(board: &Board) -> Config {
     let marks = &board.airspeeds;
     Config {
@@ -271,8 +332,6 @@ enum MakeError {
     Scenery(#[from] SceneryError),
     #[error(transparent)]
     Instruments(#[from] InstrumentsError),
-    #[error("no level has that many vertices")]
-    Shape,
 }
 
 fn gl_failed(screen: &dyn Screen, e: impl std::error::Error + Send + Sync + 'static) -> Failure {

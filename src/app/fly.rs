@@ -70,6 +70,8 @@ pub struct RunFigures {
     draw_calls_max: u32,
     upload_bytes_max: u64,
     upload_bytes_sum: u64,
+    decoded_samples_max: u64,
+    resident_bytes_max: u64,
     list_overflows: u64,
     first_frame: Option<Duration>,
     first_terrain: Option<Duration>,
@@ -92,6 +94,8 @@ impl RunFigures {
             draw_calls_max: 0,
             upload_bytes_max: 0,
             upload_bytes_sum: 0,
+            decoded_samples_max: 0,
+            resident_bytes_max: 0,
             list_overflows: 0,
             first_frame: None,
             first_terrain: None,
@@ -108,6 +112,8 @@ impl RunFigures {
         self.draw_calls_max = self.draw_calls_max.max(drawn.draw_calls);
         self.upload_bytes_max = self.upload_bytes_max.max(drawn.upload_bytes);
         self.upload_bytes_sum += drawn.upload_bytes;
+        self.decoded_samples_max = self.decoded_samples_max.max(drawn.decoded_samples);
+        self.resident_bytes_max = self.resident_bytes_max.max(drawn.resident_bytes);
         self.list_overflows += u64::from(drawn.list_overflowed);
         self.last = drawn;
     }
@@ -143,6 +149,8 @@ impl RunFigures {
             "draw_calls_max": self.draw_calls_max,
             "upload_bytes_max": self.upload_bytes_max,
             "upload_bytes": self.upload_bytes_sum,
+            "decoded_samples_max": self.decoded_samples_max,
+            "resident_bytes_max": self.resident_bytes_max,
             "display_list_overflows": self.list_overflows,
             "allocations_after_ready": self.allocations_after_ready,
         })

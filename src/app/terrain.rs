@@ -21,10 +21,14 @@ use std::sync::atomic::AtomicBool;
 pub enum TerrainCommand {
     /// Turn elevation files into a pack.
     ///
-    /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it), DTED
-    /// (.dt0, .dt1, .dt2) and GeoTIFF (.tif, .tiff: one band of Int16, UInt16 or Float32, in EPSG:4326 or in UTM on WGS 84). Posts are kept as they are; holes are filled for drawing and stay
-    /// marked; flat connected areas become water. Where files reach beyond 69 degrees north or south, the grid of that pole is
-    /// made too. The pack appears under its name only when it is whole.
+    /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it), DTED (.dt0, .dt1, .dt2) and
+    /// GeoTIFF (.tif, .tiff: one band of Int16, UInt16 or Float32, in EPSG:4326 or in UTM on WGS 84).
+    ///
+    /// Posts are kept as they are. Files may overlap and have different spacings: the finest valid height is taken, a coarser
+    /// file is bent to meet it over 32 posts, and where two disagree it is said where and by how much. A void is filled from
+    /// a coarser file where there is one, else as a thin plate would bend across it, and stays marked as a void. Flat
+    /// connected areas become water. Where files reach beyond 69 degrees north or south, the grid of that pole is made too.
+    /// The pack appears under its name only when it is whole.
     #[command(
         after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack"
     )]
@@ -243,7 +247,7 @@ fn progress_bar() -> ProgressBar {
 
 fn warn_seam(seam: &Seam) {
     eprintln!(
-        "glasswing: {} and {}: their shared posts differ by up to {} m, at {:.5} N {:.5} E ({} posts; the heights of {} were \
+        "glasswing: {} and {}: where they overlap they differ by up to {} m, at {:.5} N {:.5} E ({} posts; the heights of {} were \
          taken)",
         seam.taken.display(),
         seam.other.display(),
@@ -265,12 +269,9 @@ fn bake_failure(error: BakeError) -> Failure {
                 failure
             }
         }
-        BakeError::Overlap { ref first, .. } => Failure::new(
-            Kind::Input,
-            first.display(),
-            &error,
-            "give one of them, or cut with --region",
-        ),
+        BakeError::Twice(ref path) => {
+            Failure::new(Kind::Usage, path.display(), &error, "name each file once")
+        }
         BakeError::NothingInRegion => Failure::new(
             Kind::Usage,
             "--region",

@@ -11,11 +11,12 @@ use crate::gl::look::{Lines, Look, Palette};
 use crate::gl::scenery::{Scenery, SceneryError};
 use crate::terrain::pack::{Bounds, Pack};
 use crate::terrain::scene::{FrameFigures, Settings};
-use crate::terrain::stream::NoTerrain;
+use crate::terrain::stream::{Errands, NoTerrain};
 use crate::time::Monotonic;
 use crate::units::{Metres, Radians};
 use std::rc::Rc;
 use std::sync::Arc;
+use std::time::Duration;
 
 /// A level this many coarser than the finest wanted one around the eye is said to be coarse: its posts lie four times as
 /// far apart.
@@ -27,8 +28,32 @@ pub struct Vision {
     scenery: Scenery,
     pack: Arc<Pack>,
     lines: Option<Lines>,
+    patience: Patience,
     /// What lies on the ground.
     pub dress: Dress,
+}
+
+/// How long the disk may take to answer before the pilot is told.
+const ANSWER_WITHIN: Duration = Duration::from_secs(1);
+
+/// Waits for the streaming thread's answers.
+#[derive(Clone, Copy, Debug, Default)]
+struct Patience {
+    answered: u32,
+    since: Option<Monotonic>,
+}
+
+impl Patience {
+    /// Whether something is wanted for drawing and nothing has come for too long.
+    fn is_over(&mut self, errands: &Errands, now: Monotonic) -> bool {
+        if errands.outstanding == 0 || errands.answered != self.answered {
+            self.answered = errands.answered;
+            self.since = Some(now);
+        }
+        let since = *self.since.get_or_insert(now);
+        now.since(since)
+            .is_some_and(|waited| waited > ANSWER_WITHIN)
+    }
 }
 
 /// What lies on the ground beside its relief, and for which eyes.
@@ -133,7 +158,10 @@ fn caution(scenery: &Scenery, camera: &Camera, figures: &FrameFigures) -> Option
         Ok(ground) if camera.eye.height_ellipsoid < ground => Some(TerrainCaution::BelowGround),
         Err(NoTerrain::Void) => Some(TerrainCaution::NoDataBelow),
         _ if finest >= figures.levels_wanted.0 + COARSE_LEVELS => Some(TerrainCaution::Coarse),
-        _ if damage.checksum + damage.content + damage.reading > 0 => Some(TerrainCaution::Damaged),
+        // What the disk has not given is told until it has.
+        _ if damage.checksum + damage.content > 0 || figures.errands.unread => {
+            Some(TerrainCaution::Damaged)
+        }
         _ => None,
     }
 }
@@ -149,6 +177,7 @@ impl Vision {
             scenery: Scenery::new(gpu, settings, Arc::clone(&pack))?,
             pack,
             lines: None,
+            patience: Patience::default(),
             dress: Dress::default(),
         })
     }
@@ -188,9 +217,16 @@ impl Vision {
         };
         drawn.upload_bytes = figures.uploads_bytes as u64;
         drawn.upload_texels = figures.uploads_texels as u64;
+        drawn.decoded_samples = u64::from(figures.decoded_samples);
         drawn.resident_bytes = figures.resident_bytes as u64;
         drawn.terrain_settled = figures.settled;
-        let shown = Shown::assess(&self.scenery, &self.pack, camera, &figures);
+        let mut shown = Shown::assess(&self.scenery, &self.pack, camera, &figures);
+        if self.patience.is_over(&figures.errands, now) {
+            shown.caution = match shown.caution {
+                None | Some(TerrainCaution::Damaged) => Some(TerrainCaution::Slow),
+                graver => graver,
+            };
+        }
         if shown.terrain != Terrain::Ready {
             return shown;
         }
@@ -215,6 +251,33 @@ fn covers(bounds: &Bounds, point: &Geodetic) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_disk_that_does_not_answer_is_told_after_a_second_and_no_longer_than_it_lasts() {
+        let mut patience = Patience::default();
+        let mut said = Vec::new();
+        for (ms, outstanding, answered) in [
+            (0, 0, 0),
+            (5000, 0, 0),
+            (5100, 3, 0),
+            (6000, 3, 0),
+            (6200, 3, 0),
+            (6300, 2, 1),
+            (7200, 2, 1),
+            (7400, 0, 3),
+            (9000, 0, 3),
+        ] {
+            let errands = Errands {
+                outstanding,
+                answered,
+                ..Errands::default()
+            };
+            said.push(patience.is_over(&errands, Monotonic::from_nanos(ms * 1_000_000)));
+        }
+        // The last answer before the wait was at 5 s.
+        let late = [false, false, false, false, true, false, false, false, false];
+        assert_eq!(said, late);
+    }
 
     #[test]
     fn a_pack_over_the_date_line_covers_both_its_sides() {

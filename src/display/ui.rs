@@ -68,6 +68,8 @@ pub enum TerrainCaution {
     NoDataBelow,
     /// The fine levels around the aircraft are not there yet: nearby ground is drawn coarsely.
     Coarse,
+    /// The disk has not answered for a second: ground ahead comes late.
+    Slow,
     /// Parts of the pack cannot be read and are drawn from coarser data.
     Damaged,
 }
@@ -80,6 +82,7 @@ impl TerrainCaution {
             Self::BelowGround => "BELOW GROUND",
             Self::NoDataBelow => "NO DATA HERE",
             Self::Coarse => "COARSE",
+            Self::Slow => "DISK SLOW",
             Self::Damaged => "DAMAGED",
         }
     }

@@ -14,9 +14,9 @@ use super::{GlError, Gpu};
 use crate::terrain::clipmap::TorusPart;
 use crate::terrain::stream::{Sink, Torus};
 
-/// Rectangles that a set may lag behind by before all of it is written anew. A level is filled in 36 squares at most, a few
+/// Rectangles that a set may lag behind by before all of it is written anew. A level is filled in 49 squares at most, some
 /// of them cut in two by the torus or by a quota.
-const MISSED_MAX: usize = 64;
+const MISSED_MAX: usize = 96;
 
 /// The textures of all levels of a clipmap.
 #[derive(Debug)]
@@ -141,6 +141,10 @@ impl Sink for LevelTextures {
             level.missed.pop();
         }
         quota - left
+    }
+
+    fn forget(&mut self, level: u8) {
+        self.levels[usize::from(level)].missed.clear();
     }
 
     fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]) {

@@ -26,6 +26,7 @@ use super::texture::Texture;
 use super::{GlError, Gpu};
 use crate::geo::{Camera, Geodetic};
 use crate::terrain::blocks::pattern_indices;
+use crate::terrain::budget;
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
 use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Plan, Scene, Settings};
@@ -194,7 +195,7 @@ impl Shaders {
 }
 
 impl TerrainRenderer {
-    /// For a pack: allocates every texture and buffer, compiles the shaders and starts the streaming threads.
+    /// For a pack: allocates every texture and buffer, compiles the shaders and starts the streaming thread.
     ///
     /// # Errors
     /// [`TerrainError`].
@@ -337,12 +338,10 @@ impl TerrainRenderer {
 
     fn resident_bytes(&self) -> usize {
         let textures = self.textures.iter().map(LevelTextures::bytes);
-        let copies = self.world.scenes().iter().map(|s| s.streamer().bytes());
         let tables = self.plans.iter().flat_map(|plan| &plan.tables);
-        textures
-            .chain(copies)
-            .chain(tables.map(Texture::bytes))
-            .sum()
+        textures.chain(tables.map(Texture::bytes)).sum::<usize>()
+            + self.plans.len() * budget::BLOCK_BUFFER_BYTES
+            + self.world.bytes()
     }
 
     fn draw_scene(&self, scene: Option<usize>, pass: Pass, look: &Look) {

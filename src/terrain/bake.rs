@@ -7,11 +7,13 @@
 //! that pole's cap are made from the finished ones ([`crate::terrain::bake_cap`]).
 //!
 //! A sample that stands on a post is copied; posts between samples are interpolated bilinearly. Where several inputs
-//! cover a post, the finest gives it, then the southernmost, then the westernmost, then by name: the pack does not
-//! depend on the order of the arguments, nor on the number of threads.
+//! have a height at a post, the finest gives it, then the southernmost, then the westernmost, then by name: the pack does
+//! not depend on the order of the arguments, nor on the number of threads. Where a coarser input goes on or fills a void it
+//! is bent to meet the finer one ([`crate::terrain::bake_mosaic`]); voids that no input fills are filled as a thin plate
+//! would bend across them ([`crate::terrain::bake_plate`]).
 //!
 //! Memory: inputs up to `CACHE_BYTES` (or those around one cell, if they are larger), one cell with its margin (about
-//! 12 bytes a post) and the tiles still open.
+//! 60 bytes a post) and the tiles still open.
 
 use crate::terrain::bake_cap;
 use crate::terrain::bake_cell::{Disagreement, Frame, Layer, MARGIN};
@@ -31,9 +33,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Decoded inputs kept in memory, bytes: 170 tiles of 3" or 20 of 1".
 const CACHE_BYTES: usize = 512 << 20;
-
-/// Inputs may overlap by this much of a degree and still be neighbours (72"): USGS tiles share 6 samples on each side.
-const SHARED_EDGE_DEG: f64 = 0.02;
 
 /// A pack gets a cap when an input reaches beyond this latitude, degrees north or south: the seam is at 70, and who flies
 /// north of it sees what lies south of it.
@@ -73,11 +72,12 @@ pub struct Job<'a> {
 pub struct Report {
     /// The pack.
     pub info: PackInfo,
-    /// Neighbours whose shared posts differ.
+    /// Inputs that disagree about the posts they share.
     pub seams: Vec<Seam>,
 }
 
-/// Two inputs that give shared posts heights more than a unit apart.
+/// Two inputs that disagree about the posts they share: by more than a unit where both were measured there, by more than 16 m
+/// for each time that one is coarser than the other elsewhere.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seam {
     /// The input whose heights were taken.
@@ -100,16 +100,9 @@ pub enum BakeError {
     /// An input cannot be used.
     #[error("{}", .0.display())]
     Input(PathBuf, #[source] InputError),
-    /// Two inputs claim the same ground.
-    #[error("{} and {} both cover {}", .first.display(), .second.display(), place(.shared))]
-    Overlap {
-        /// One.
-        first: PathBuf,
-        /// The other.
-        second: PathBuf,
-        /// What both cover.
-        shared: Bounds,
-    },
+    /// An input is given twice.
+    #[error("is given twice")]
+    Twice(PathBuf),
     /// No input has posts in the region.
     #[error("no input has posts in the region")]
     NothingInRegion,
@@ -119,14 +112,6 @@ pub enum BakeError {
     /// Stopped from outside.
     #[error("stopped before it was done")]
     Stopped,
-}
-
-/// A rectangle as a user reads it.
-fn place(b: &Bounds) -> String {
-    format!(
-        "{:.4} to {:.4} N, {:.4} to {:.4} E",
-        b.south_deg, b.north_deg, b.west_deg, b.east_deg
-    )
 }
 
 /// An input as learnt in the first pass.
@@ -167,11 +152,12 @@ pub fn bake(job: &Job<'_>, progress: &mut dyn FnMut(usize, usize)) -> Result<Rep
         let wanted = around(grid, (latitude, longitude), &rects);
         let rasters = cache.load(&inputs, &wanted)?;
         let layers: Vec<Layer<'_>> = std::iter::zip(&wanted, &rasters)
-            .map(|(at, raster)| Layer {
+            .map(|(at, loaded)| Layer {
                 input: *at,
-                raster,
+                raster: &loaded.raster,
                 placement: inputs[*at].placement,
                 rect: inputs[*at].rect,
+                margin: loaded.margin.as_deref(),
             })
             .collect();
         let (block, disagreements) = frame.cell((latitude, longitude), &layers);
@@ -216,6 +202,7 @@ fn caps(grid: Grid, rects: &[PostRect]) -> impl Iterator<Item = Partition> + '_ 
 
 /// Reads every input once; chooses the grid; refuses what cannot be put together.
 fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
+    refuse_repeats(job.inputs)?;
     let mut read = Vec::new();
     for path in job.inputs {
         if job.stop.load(Ordering::Relaxed) {
@@ -252,7 +239,6 @@ fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
         return Err(BakeError::NothingInRegion);
     }
     inputs.sort_by(Input::precedence);
-    refuse_overlaps(grid, &inputs)?;
     Ok((grid, inputs))
 }
 
@@ -310,33 +296,15 @@ impl Input {
     }
 }
 
-/// Neighbours share an edge, or a few samples; inputs that share more are two claims on one place.
-fn refuse_overlaps(grid: Grid, inputs: &[Input]) -> Result<(), BakeError> {
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "a fraction of the posts of a degree"
-    )]
-    let edge = (f64::from(grid.posts_per_degree) * SHARED_EDGE_DEG) as i32;
-    for (number, first) in inputs.iter().enumerate() {
-        for second in &inputs[number + 1..] {
-            for shift in [-grid.posts_around(), 0, grid.posts_around()] {
-                let Some(shared) = first.rect.intersection(&second.rect.shifted(shift)) else {
-                    continue;
-                };
-                let narrower = |a: &PostRect, b: &PostRect| {
-                    (a.east - a.west).min(a.north - a.south) <= edge && a != b
-                };
-                let swallowed = second.rect.shifted(shift);
-                if narrower(&shared, &first.rect) && narrower(&shared, &swallowed) {
-                    continue;
-                }
-                return Err(BakeError::Overlap {
-                    first: first.path.clone(),
-                    second: second.path.clone(),
-                    shared: shared.bounds(grid),
-                });
-            }
+/// The same file twice is a slip of the hand: one of them was meant to be another.
+fn refuse_repeats(inputs: &[PathBuf]) -> Result<(), BakeError> {
+    let mut names: Vec<PathBuf> = Vec::with_capacity(inputs.len());
+    for path in inputs {
+        let name = path.canonicalize().unwrap_or_else(|_| path.clone());
+        if names.contains(&name) {
+            return Err(BakeError::Twice(path.clone()));
         }
+        names.push(name);
     }
     Ok(())
 }
@@ -398,9 +366,22 @@ fn around(grid: Grid, (latitude, longitude): (i32, i32), rects: &[PostRect]) -> 
 
 /// Decoded inputs, the least recently used dropped first.
 struct Cache {
-    rasters: Vec<Option<Rc<Raster>>>,
+    rasters: Vec<Option<Rc<Loaded>>>,
     /// Oldest first.
     order: Vec<usize>,
+}
+
+/// A decoded input.
+struct Loaded {
+    raster: Raster,
+    /// See [`Raster::margin`].
+    margin: Option<Vec<bool>>,
+}
+
+impl Loaded {
+    fn bytes(&self) -> usize {
+        self.raster.bytes() + self.margin.as_ref().map_or(0, Vec::len)
+    }
 }
 
 impl Cache {
@@ -411,7 +392,7 @@ impl Cache {
         }
     }
 
-    fn load(&mut self, inputs: &[Input], wanted: &[usize]) -> Result<Vec<Rc<Raster>>, BakeError> {
+    fn load(&mut self, inputs: &[Input], wanted: &[usize]) -> Result<Vec<Rc<Loaded>>, BakeError> {
         let mut loaded = Vec::with_capacity(wanted.len());
         for &at in wanted {
             self.order.retain(|o| *o != at);
@@ -425,14 +406,15 @@ impl Cache {
                     if raster.geometry != input.geometry || raster.contents() != input.contents {
                         return Err(failed(InputError::Changed));
                     }
-                    Rc::new(raster)
+                    let margin = raster.margin();
+                    Rc::new(Loaded { raster, margin })
                 }
             };
             self.rasters[at] = Some(Rc::clone(&raster));
             loaded.push(raster);
         }
         let bytes =
-            |all: &[Option<Rc<Raster>>]| -> usize { all.iter().flatten().map(|r| r.bytes()).sum() };
+            |all: &[Option<Rc<Loaded>>]| -> usize { all.iter().flatten().map(|r| r.bytes()).sum() };
         while bytes(&self.rasters) > CACHE_BYTES && self.order.len() > wanted.len() {
             let oldest = self.order.remove(0);
             self.rasters[oldest] = None;

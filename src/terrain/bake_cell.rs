@@ -4,8 +4,10 @@
 //! is seen from both sides. A lake that reaches out of the margin has more posts inside than water needs, so whether an
 //! area is large enough comes out the same in every cell it touches.
 
-use crate::terrain::bake_fill::{Window, fill_holes, water};
+use crate::terrain::bake_fill::water;
 use crate::terrain::bake_levels::{Block, Post};
+use crate::terrain::bake_mosaic::{Mosaic, disagree};
+use crate::terrain::bake_plate;
 use crate::terrain::codec::SurfaceKind;
 use crate::terrain::geoid::GeoidGrid;
 use crate::terrain::grid::Grid;
@@ -13,7 +15,6 @@ use crate::terrain::pack::PostRect;
 use crate::terrain::placement::Placement;
 use crate::terrain::raster::Raster;
 use crate::terrain::store::Scale;
-use crate::units::Radians;
 
 /// Posts of the neighbours that are looked at around a cell; at least [`crate::terrain::bake_fill::WATER_POSTS_MIN`].
 pub const MARGIN: i32 = 64;
@@ -34,9 +35,11 @@ pub struct Layer<'a> {
     pub placement: Placement,
     /// The posts it gives.
     pub rect: PostRect,
+    /// Voids that are the margin of its raster and not in it ([`Raster::margin`]).
+    pub margin: Option<&'a [bool]>,
 }
 
-/// Two inputs that give one post different heights by more than a unit.
+/// Two inputs that give the same posts different heights: by more than a unit where both were measured there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disagreement {
     /// The input whose height was taken.
@@ -60,16 +63,6 @@ pub struct Frame<'a> {
     pub scale: Scale,
     /// Undulations to subtract, for inputs above the ellipsoid.
     pub subtract: Option<&'a GeoidGrid>,
-}
-
-/// Posts of a window, put together. Columns run on past 180 degrees.
-struct Mosaic {
-    rect: PostRect,
-    window: Window,
-    /// Metres; NaN where void or outside.
-    heights: Vec<f32>,
-    /// The layer that covers a post, and gave its height if it has one.
-    layer: Vec<Option<u16>>,
 }
 
 impl Frame<'_> {
@@ -98,26 +91,29 @@ impl Frame<'_> {
             east: own.east + MARGIN,
         });
         let mut disagreements = Vec::new();
-        for (number, layer) in layers.iter().enumerate() {
-            let Ok(number) = u16::try_from(number) else {
-                break;
-            };
+        for (number, layer) in (0..u16::MAX).zip(layers) {
             for turn in [-1, 0, 1] {
                 let shift = turn * self.grid.posts_around();
-                mosaic.lay(number, layers, layer, shift, |post, difference_m, taken| {
-                    // Once for each post, by the cell that owns it, and only for differences that the pack can show.
-                    let owned = (own.south..=own.north).contains(&post.1)
-                        && (own.west..=own.east).contains(&post.0);
-                    if owned && f64::from(difference_m) > self.scale.unit_m {
-                        disagree(&mut disagreements, taken, layer.input, difference_m, post);
-                    }
-                });
+                mosaic.lay(
+                    number,
+                    layers,
+                    shift,
+                    self.scale,
+                    |post, difference_m, taken| {
+                        // Once for each post, by the cell that owns it.
+                        let owned = (own.south..=own.north).contains(&post.1)
+                            && (own.west..=own.east).contains(&post.0);
+                        if owned {
+                            disagree(&mut disagreements, (taken, layer.input), difference_m, post);
+                        }
+                    },
+                );
             }
         }
         if let Some(geoid) = self.subtract {
             mosaic.subtract(self.grid, geoid);
         }
-        (self.finish(&own, mosaic), disagreements)
+        (self.finish(&own, mosaic, layers), disagreements)
     }
 
     /// The part of a cell that the layers cover: many cells have only the shared edge of a neighbour.
@@ -130,12 +126,19 @@ impl Frame<'_> {
     }
 
     /// Fills, finds water, and takes the cell out of its window.
-    fn finish(&self, own: &PostRect, mut mosaic: Mosaic) -> Block {
+    fn finish(&self, own: &PostRect, mut mosaic: Mosaic, layers: &[Layer<'_>]) -> Block {
         let source = mosaic.heights.clone();
         let hole: Vec<bool> = std::iter::zip(&mosaic.layer, &mosaic.heights)
             .map(|(layer, h)| layer.is_some() && h.is_nan())
             .collect();
-        fill_holes(&mosaic.window, &mut mosaic.heights, &hole, 0.0);
+        let void: Vec<bool> = (0..hole.len())
+            .map(|at| mosaic.is_void(at, layers))
+            .collect();
+        let middle = (own.south + own.north).div_euclid(2);
+        let latitude_deg = self.grid.latitude_deg(0, middle);
+        // Beside a pole a row is a point: nothing is gained by taking it for one.
+        let aspect = latitude_deg.to_radians().cos().max(0.1);
+        bake_plate::fill(&mosaic.window, aspect, &mut mosaic.heights, &hole, 0.0);
         let measured: Vec<Option<u16>> = source
             .iter()
             .map(|h| (!h.is_nan()).then(|| self.scale.quanta(f64::from(*h))))
@@ -150,7 +153,7 @@ impl Frame<'_> {
             for at in row * columns + margin..row * columns + margin + width {
                 posts.push(mosaic.layer[at].map(|_| {
                     let quanta = self.scale.quanta(f64::from(mosaic.heights[at]));
-                    let kind = match (hole[at], water[at]) {
+                    let kind = match (void[at], water[at]) {
                         (true, _) => SurfaceKind::Void,
                         (false, true) => SurfaceKind::Water,
                         (false, false) => SurfaceKind::Land,
@@ -187,28 +190,6 @@ impl Frame<'_> {
     }
 }
 
-fn disagree(
-    all: &mut Vec<Disagreement>,
-    taken: usize,
-    other: usize,
-    difference_m: f32,
-    post: (i32, i32),
-) {
-    match all
-        .iter_mut()
-        .find(|d| d.taken == taken && d.other == other)
-    {
-        Some(d) => d.add(difference_m, post, 1),
-        None => all.push(Disagreement {
-            taken,
-            other,
-            difference_m,
-            post,
-            posts: 1,
-        }),
-    }
-}
-
 impl Disagreement {
     /// Adds what another cell found between the same inputs.
     pub fn add(&mut self, difference_m: f32, post: (i32, i32), posts: u64) {
@@ -216,91 +197,6 @@ impl Disagreement {
         if difference_m > self.difference_m {
             self.difference_m = difference_m;
             self.post = post;
-        }
-    }
-}
-
-impl Mosaic {
-    fn new(rect: PostRect) -> Self {
-        let columns = (rect.east - rect.west + 1).cast_unsigned() as usize;
-        let rows = (rect.north - rect.south + 1).cast_unsigned() as usize;
-        Self {
-            rect,
-            window: Window { columns, rows },
-            heights: vec![f32::NAN; columns * rows],
-            layer: vec![None; columns * rows],
-        }
-    }
-
-    /// Lays a layer, moved east by `shift` posts, under what is there. Calls `differ` with the post, the difference and
-    /// the input already there, for posts that both give without interpolation.
-    fn lay(
-        &mut self,
-        number: u16,
-        layers: &[Layer<'_>],
-        layer: &Layer<'_>,
-        shift: i32,
-        mut differ: impl FnMut((i32, i32), f32, usize),
-    ) {
-        let Some(PostRect {
-            south,
-            west,
-            north,
-            east,
-        }) = self.rect.intersection(&layer.rect.shifted(shift))
-        else {
-            return;
-        };
-        let mut spots = Vec::new();
-        for j in south..=north {
-            let columns = west - shift..=east - shift;
-            layer.placement.spots(j, columns, &mut spots);
-            let start = (j - self.rect.south).cast_unsigned() as usize * self.window.columns
-                + (west - self.rect.west).cast_unsigned() as usize;
-            for (i, (spot, at)) in (west..).zip(spots.iter().zip(start..)) {
-                let Some(spot) = *spot else { continue };
-                let height = layer.raster.height_m(spot);
-                let there = self.heights[at];
-                match (height, self.layer[at]) {
-                    (Some(h), Some(first)) if !there.is_nan() => {
-                        let first = &layers[usize::from(first)];
-                        if first.placement.is_copy() && layer.placement.is_copy() {
-                            differ((i, j), (h - there).abs(), first.input);
-                        }
-                    }
-                    (Some(h), _) => {
-                        self.heights[at] = h;
-                        self.layer[at] = Some(number);
-                    }
-                    (None, None) => self.layer[at] = Some(number),
-                    (None, Some(_)) => {}
-                }
-            }
-        }
-    }
-
-    /// From heights above the ellipsoid to heights above the geoid.
-    fn subtract(&mut self, grid: Grid, geoid: &GeoidGrid) {
-        for (row, j) in (self.rect.south..=self.rect.north).enumerate() {
-            let latitude = Radians::from_degrees(grid.latitude_deg(0, j));
-            let start = row * self.window.columns;
-            let line = &mut self.heights[start..start + self.window.columns];
-            for (h, i) in line
-                .iter_mut()
-                .zip(self.rect.west..)
-                .filter(|(h, _)| !h.is_nan())
-            {
-                let longitude = Radians::from_degrees(grid.longitude_deg(0, i));
-                // The geoid covers every post with a height; a post it did not cover would have to be a void.
-                let n = geoid.undulation_m(latitude, longitude).unwrap_or(f64::NAN);
-                #[expect(
-                    clippy::cast_possible_truncation,
-                    reason = "a height to f32's tenth of a millimetre"
-                )]
-                {
-                    *h = (f64::from(*h) - n) as f32;
-                }
-            }
         }
     }
 }

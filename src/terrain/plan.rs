@@ -4,6 +4,7 @@ use super::blocks::Block;
 use super::clipmap::{Extent, Morph, Window};
 use super::partition::Partition;
 use super::slices::Slices;
+use super::stream::Errands;
 use super::surface::DamageCounts;
 use super::tables::Entry;
 use crate::limits::LEVELS_MAX;
@@ -106,12 +107,16 @@ pub struct FrameFigures {
     pub uploads_texels: usize,
     /// Bytes uploaded: terrain, tables and blocks.
     pub uploads_bytes: usize,
-    /// Bytes of textures and their copies that are resident. Fixed at start.
+    /// Samples decoded in the frame before.
+    pub decoded_samples: u32,
+    /// Bytes of textures, their copies, batches and decoded tiles that are resident. Fixed at start.
     pub resident_bytes: usize,
     /// Whether every wanted level is whole and in its place, or there is nothing to wait for.
     pub settled: bool,
     /// Tiles that could not be read since the start.
     pub damage: DamageCounts,
+    /// What the streaming thread is doing for what is drawn.
+    pub errands: Errands,
 }
 
 impl FrameFigures {

@@ -214,6 +214,60 @@ impl Raster {
         }
     }
 
+    /// The voids that are connected to its edge, a mark for each sample: the margin that a picture in other coordinates has
+    /// around it, or sea that was never measured. `None` if there are none.
+    #[must_use]
+    pub fn margin(&self) -> Option<Vec<bool>> {
+        let Geometry { columns, rows, .. } = self.geometry;
+        let on_edge = |at: usize| {
+            let (column, row) = (at % columns, at / columns);
+            column == 0 || row == 0 || column + 1 == columns || row + 1 == rows
+        };
+        let ends = (0..columns).chain((rows.max(1) - 1) * columns..rows * columns);
+        let sides = (0..rows).flat_map(|row| [row * columns, row * columns + columns.max(1) - 1]);
+        let mut order: Vec<usize> = ends
+            .chain(sides)
+            .filter(|at| self.sample(*at).is_none())
+            .collect();
+        if order.is_empty() {
+            return None;
+        }
+        let mut margin = vec![false; columns * rows];
+        for at in &order {
+            margin[*at] = true;
+        }
+        while let Some(at) = order.pop() {
+            let beside = [
+                (at % columns > 0).then(|| at - 1),
+                (at % columns + 1 < columns).then_some(at + 1),
+                at.checked_sub(columns),
+                Some(at + columns).filter(|n| *n < columns * rows),
+            ];
+            for n in beside.into_iter().flatten() {
+                if !margin[n] && !on_edge(n) && self.sample(n).is_none() {
+                    margin[n] = true;
+                    order.push(n);
+                }
+            }
+        }
+        Some(margin)
+    }
+
+    /// Whether a void that is not of the `margin` is why there is no height at a place.
+    #[must_use]
+    pub fn has_inner_void(&self, Spot { east, south }: Spot, margin: Option<&[bool]>) -> bool {
+        let at = south.index * self.geometry.columns + east.index;
+        let right = usize::from(east.fraction > 0.0);
+        let below = if south.fraction > 0.0 {
+            self.geometry.columns
+        } else {
+            0
+        };
+        [at, at + right, at + below, at + below + right]
+            .into_iter()
+            .any(|at| self.sample(at).is_none() && !margin.is_some_and(|m| m[at]))
+    }
+
     /// The height at a place between samples, metres: bilinear; `None` where a sample it needs is void.
     #[must_use]
     pub fn height_m(&self, Spot { east, south }: Spot) -> Option<f32> {

@@ -6,14 +6,15 @@
 use super::blocks::BLOCKS_MAX;
 use super::clipmap::{self, Extent, Morph, Shape, Window, torus_texel};
 use super::grid::Grid;
+use super::pack::PackInfo;
 use super::partition::Partition;
 use super::reach::{self, Reaches, View};
 use super::rings::{Ground, Rings};
 use super::stream::{NoTerrain, Sink, Streamer, Uploads};
-use super::surface::TileSource;
+use super::surface::{TILES_KEPT, TileSource};
 use super::tables::{Anchor, AnchorPost, HeightCode};
 use super::under::Under;
-use super::worker::Worker;
+use super::worker::{Means, Worker};
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
 use crate::units::{Metres, Radians};
@@ -40,6 +41,10 @@ pub struct Settings {
     pub target_px: f64,
     /// Whether blocks behind nearer ground are left out. Makes no difference to a picture; off to show that.
     pub leaves_out_hidden: bool,
+    /// Samples that may be decoded in a frame, at least those of a tile: 16 384.
+    pub decode_samples_per_frame: u32,
+    /// Decoded tiles that are kept: [`TILES_KEPT`], or fewer where memory is short.
+    pub tiles_kept: usize,
 }
 
 impl Default for Settings {
@@ -50,6 +55,8 @@ impl Default for Settings {
             shape: Shape::DEFAULT,
             target_px: TARGET_PX,
             leaves_out_hidden: true,
+            decode_samples_per_frame: u32::MAX,
+            tiles_kept: TILES_KEPT,
         }
     }
 }
@@ -69,6 +76,21 @@ impl From<Shape> for Settings {
 #[error("the camera is no camera: a position, attitude or size is not a usable number")]
 pub struct BadCamera;
 
+/// Starts the streaming thread of a source with so many lines.
+pub(super) fn start<S: TileSource>(
+    source: &Arc<S>,
+    settings: Settings,
+    lines: usize,
+) -> io::Result<ArrayVec<Worker, { super::worker::LINES_MAX }>> {
+    let info = source.info();
+    let heights = HeightCode::covering(info.height_min_m, info.height_max_m);
+    let means = Means {
+        samples_per_frame: settings.decode_samples_per_frame,
+        tiles_kept: settings.tiles_kept,
+    };
+    Worker::start(Arc::clone(source), settings.shape, heights, means, lines)
+}
+
 /// See the module.
 #[derive(Debug)]
 pub struct Scene {
@@ -80,6 +102,8 @@ pub struct Scene {
     height_min_m: f64,
     height_max_m: f64,
     streamer: Streamer,
+    /// Whether its frames are the streaming thread's: not where a [`super::world::World`] has several scenes.
+    is_alone: bool,
     longitude_deg: Option<f64>,
     latitude_deg: f64,
     eye_posts: (f64, f64),
@@ -95,7 +119,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// For one partition of a pack; starts its streaming thread.
+    /// For one partition of a pack; starts a streaming thread for it alone.
     ///
     /// # Errors
     /// When the system refuses a thread.
@@ -104,13 +128,29 @@ impl Scene {
         partition: Partition,
         settings: Settings,
     ) -> io::Result<Self> {
-        let info = source.info();
+        let mut workers = start(&source, settings, 1)?;
+        let none = || io::Error::from(io::ErrorKind::NotFound);
+        let worker = workers.pop().ok_or_else(none)?;
+        Ok(Self {
+            is_alone: true,
+            ..Self::on(source.info(), partition, settings, worker)
+        })
+    }
+
+    /// For one partition of a pack, on a line of a streaming thread whose frames somebody else begins.
+    pub(super) fn on(
+        info: &PackInfo,
+        partition: Partition,
+        settings: Settings,
+        worker: Worker,
+    ) -> Self {
         let (grid, levels) = (info.grid, info.levels);
         let (low, high) = (info.height_min_m, info.height_max_m);
         let heights = HeightCode::covering(low, high);
         let errors_m = reach::errors_m(info);
-        let worker = Worker::start(source, settings.shape, heights)?;
-        Ok(Self {
+        let samples = settings.decode_samples_per_frame;
+        Self {
+            is_alone: false,
             partition,
             settings,
             grid,
@@ -118,7 +158,7 @@ impl Scene {
             heights,
             height_min_m: low.min(0.0) - HEIGHT_MARGIN_M,
             height_max_m: high.max(0.0) + HEIGHT_MARGIN_M,
-            streamer: Streamer::new(partition, settings.shape, levels, worker),
+            streamer: Streamer::new(partition, settings.shape, levels, worker, samples),
             longitude_deg: None,
             latitude_deg: 0.0,
             eye_posts: (0.0, 0.0),
@@ -142,7 +182,7 @@ impl Scene {
                 is_above_ground: false,
             },
             figures: FrameFigures::default(),
-        })
+        }
     }
 
     /// Prepares a frame: streams at most `quota` texels to `sink` and plans what to draw.
@@ -197,6 +237,9 @@ impl Scene {
 
     /// Follows the eye, streams, and chooses the levels that can be drawn.
     fn stream(&mut self, camera: &Camera, quota: usize, sink: &mut dyn Sink) {
+        if self.is_alone {
+            self.figures.decoded_samples = self.streamer.begin_frame();
+        }
         let eye = self.follow(camera);
         let last = self.reaches.unwrap_or_else(|| self.reaches(camera));
         let streamed = (last.finest_streamed, last.drawn.1);
@@ -501,10 +544,12 @@ impl Scene {
             levels_wanted: wanted,
             uploads_texels: uploads.texels,
             uploads_bytes: uploads.bytes,
+            decoded_samples: self.figures.decoded_samples,
             resident_bytes: self.figures.resident_bytes,
             settled: self.streamer.is_settled(self.eye_posts, wanted)
                 && levels.len() == usize::from(wanted.1 - wanted.0) + 1,
             damage: self.streamer.damage(),
+            errands: self.streamer.errands(),
         };
     }
 }

@@ -2,18 +2,25 @@
 //! of texels a frame that is never passed. The render thread's half of the streaming; the other is [`super::worker`].
 //!
 //! A window moves only in the frame in which the last texel of its strip has been uploaded, so what is drawn is whole
-//! after every frame. A level that the eye has left by more than 48 posts (see [`Shape::strip_steps_max`]) is not drawn until it has been filled anew; until then the
-//! coarser one draws without a hole.
+//! after every frame: a level has an active window and, with a strip on its way, the next one. A level that the eye has left by
+//! more than 48 posts (see [`Shape::strip_steps_max`]) is not drawn until it has been filled anew; until then the
+//! coarser one draws without a hole. Levels that could not keep up with the eye are not asked for ([`super::motion`]).
 
-use super::clipmap::{Shape, TorusPart, Window, torus_texel};
+mod ground;
+mod requests;
+
+use super::clipmap::{Shape, TorusPart, Window};
+use super::motion::{Motion, Pursuit};
 use super::partition::Partition;
 use super::surface::{BATCH_TEXELS, Batch};
-use super::texel::KIND_VOID;
-use super::worker::{BATCHES, Job, Parcel, Worker};
+use super::worker::{BATCHES, Job, Parcel, Purpose, Worker};
 use crate::limits::LEVELS_MAX;
+use arrayvec::ArrayVec;
 
 /// Side of the squares in which a level is filled.
 const FILL_SIDE: i32 = 64;
+/// Squares of the widest level.
+const SQUARES_MAX: usize = 64;
 /// Posts across the widest strip: 16 x 255 fit a batch, of wider windows less.
 const STRIP_POSTS_MAX: i32 = 16;
 /// Side of the squares of the torus whose extremes are kept.
@@ -38,6 +45,9 @@ pub trait Sink {
         0
     }
 
+    /// All that will be drawn of a level is about to be written anew: it need not catch up with what was there.
+    fn forget(&mut self, _level: u8) {}
+
     /// Overwrites a rectangle of a level's torus: `part.width` x `part.height` texels row by row; see
     /// [`Batch`] for what they hold.
     fn write(&mut self, level: u8, part: TorusPart, heights: &[[u16; 2]], surface: &[[u8; 4]]);
@@ -47,10 +57,10 @@ pub trait Sink {
 enum Residency {
     /// Nothing useful in its torus.
     Out,
-    /// Being filled at a window: the next square to ask for, and texels still to come.
+    /// Being filled at a window: how many squares have been asked for, and texels still to come.
     Filling {
         window: Window,
-        next: i32,
+        next: u8,
         left: usize,
     },
     /// Whole at a window; perhaps with a strip on its way that will move it.
@@ -60,15 +70,52 @@ enum Residency {
     },
 }
 
+/// Something of a level that could not be read.
+#[derive(Clone, Copy, Debug)]
+struct Hurt {
+    job: Job,
+    /// Frames until it is tried again.
+    rest: u16,
+}
+
 /// A level's copy of what its textures hold.
 #[derive(Debug)]
 struct Level {
     residency: Residency,
     generation: u32,
     version: u32,
+    /// The squares of its window in the order in which they are asked for.
+    order: ArrayVec<u8, SQUARES_MAX>,
+    /// Whether nothing has been written since it was last given up.
+    is_fresh: bool,
+    /// Whether it follows the eye in this frame, and did in the one before.
+    is_followed: bool,
+    was_followed: bool,
+    /// The window for which tiles were last fetched ahead.
+    ahead: Option<Window>,
+    hurt: Option<Hurt>,
     heights: Vec<[u16; 2]>,
     surface: Vec<[u8; 4]>,
     extremes: Vec<(u16, u16)>,
+}
+
+impl Level {
+    fn new(texels: usize) -> Self {
+        Self {
+            residency: Residency::Out,
+            generation: 0,
+            version: 0,
+            order: ArrayVec::new(),
+            is_fresh: false,
+            is_followed: false,
+            was_followed: false,
+            ahead: None,
+            hurt: None,
+            heights: vec![UNWRITTEN; texels * texels],
+            surface: vec![[0, 0, 0, u8::MAX]; texels * texels],
+            extremes: vec![(u16::MAX, 0); (texels / EXTREMES_SIDE).pow(2)],
+        }
+    }
 }
 
 /// A batch that did not fit a frame's quota, and how much of it was uploaded.
@@ -78,6 +125,9 @@ struct Held {
     part: usize,
     row: usize,
 }
+
+/// Bytes of a texel: heights and surface.
+const TEXEL_BYTES: usize = size_of::<[u16; 2]>() + size_of::<[u8; 4]>();
 
 /// What a frame uploaded.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -97,6 +147,22 @@ pub enum NoTerrain {
     Void,
 }
 
+/// What the streaming thread is doing, as the frame loop sees it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Errands {
+    /// Batches that are wanted for drawing and have not come back.
+    pub outstanding: usize,
+    /// Batches that have come back since the start, modulo 2^32. One that stands still while there are some outstanding: the
+    /// disk does not answer.
+    pub answered: u32,
+    /// Of these, those that came back unfilled, since their level had been given up.
+    pub dropped: u32,
+    /// The finest level that is asked for: finer ones could not keep up with the eye.
+    pub finest: u8,
+    /// Whether something that is resident was drawn from coarser data because the disk failed; it is tried again.
+    pub unread: bool,
+}
+
 /// Residency of all levels.
 #[derive(Debug)]
 pub struct Streamer {
@@ -110,31 +176,61 @@ pub struct Streamer {
     )]
     free: Vec<Box<Batch>>,
     held: Option<Held>,
+    /// The eye's post position on level 0, and how it moves.
+    eye: (f64, f64),
+    motion: Motion,
+    pursuit: Pursuit,
+    samples_per_frame: u32,
+    /// The largest quota of the last frames, about.
+    usual_quota: usize,
+    /// Whether a look ahead is on its way.
+    is_looking: bool,
+    outstanding: usize,
+    answered: u32,
+    finest: u8,
 }
 
 impl Streamer {
-    /// Nothing resident yet. `levels`: how many the pack has.
+    /// Nothing resident yet. `levels`: how many the pack has. `samples_per_frame`: how many the worker may decode.
     #[must_use]
-    pub fn new(partition: Partition, shape: Shape, levels: u8, worker: Worker) -> Self {
+    pub fn new(
+        partition: Partition,
+        shape: Shape,
+        levels: u8,
+        worker: Worker,
+        samples_per_frame: u32,
+    ) -> Self {
         let texels = shape.texels();
-        let level = || Level {
-            residency: Residency::Out,
-            generation: 0,
-            version: 0,
-            heights: vec![UNWRITTEN; texels * texels],
-            surface: vec![[0, 0, 0, u8::MAX]; texels * texels],
-            extremes: vec![(u16::MAX, 0); (texels / EXTREMES_SIDE).pow(2)],
-        };
         Self {
             partition,
             shape,
-            levels: std::iter::repeat_with(level)
+            levels: std::iter::repeat_with(|| Level::new(texels))
                 .take(usize::from(levels).min(LEVELS_MAX))
                 .collect(),
             worker,
             free: std::iter::repeat_with(Box::default).take(BATCHES).collect(),
             held: None,
+            eye: (0.0, 0.0),
+            motion: Motion::default(),
+            pursuit: Pursuit::default(),
+            samples_per_frame,
+            usual_quota: 0,
+            is_looking: false,
+            outstanding: 0,
+            answered: 0,
+            finest: 0,
         }
+    }
+
+    /// Grants the samples that may be decoded in a frame, for every line of the thread; see [`Worker::begin_frame`].
+    #[must_use]
+    pub fn begin_frame(&self) -> u32 {
+        self.worker.begin_frame()
+    }
+
+    /// Lets this streamer's jobs go before the other's.
+    pub fn lead(&self) {
+        self.worker.lead();
     }
 
     /// One frame: uploads what has arrived, at most `quota` texels, and asks for what the `wanted` levels (finest and
@@ -146,42 +242,74 @@ impl Streamer {
         quota: usize,
         sink: &mut dyn Sink,
     ) -> Uploads {
+        self.eye = eye;
+        self.motion.note(eye);
         let mut left = quota;
-        while let Some(held) = self.held.take().or_else(|| {
-            let parcel = self.worker.receive()?;
-            Some(Held {
-                parcel,
-                part: 0,
-                row: 0,
-            })
-        }) {
+        while let Some(held) = self.held.take().or_else(|| self.next_arrival()) {
             self.held = self.upload(held, &mut left, sink);
             if self.held.is_some() {
                 break;
             }
         }
-        for level in (wanted.0..=wanted.1).rev() {
-            let scale = f64::from(1_u32 << level);
-            self.follow(level, (eye.0 / scale, eye.1 / scale), quota);
+        let followed = self.choose(wanted, quota);
+        self.finest = followed.0;
+        for level in (followed.0..=followed.1).rev() {
+            self.follow(level, quota);
             let of = &self.levels[usize::from(level)];
             if matches!(of.residency, Residency::In { .. }) {
                 left -= sink.catch_up(level, &of.torus(), left);
             }
         }
+        self.look_ahead(followed);
         let texels = quota - left;
         Uploads {
             texels,
-            bytes: texels * (size_of::<[u16; 2]>() + size_of::<[u8; 4]>()),
+            bytes: texels * TEXEL_BYTES,
+        }
+    }
+
+    /// The next batch to upload; looks ahead that have come back are done with here.
+    fn next_arrival(&mut self) -> Option<Held> {
+        loop {
+            let parcel = self.worker.receive()?;
+            if parcel.job.purpose == Purpose::Ahead {
+                self.looked(parcel);
+                continue;
+            }
+            self.outstanding = self.outstanding.saturating_sub(1);
+            self.answered = self.answered.wrapping_add(1);
+            return Some(Held {
+                parcel,
+                part: 0,
+                row: 0,
+            });
         }
     }
 
     /// Gives up all levels and goes over to a partition.
     pub fn enter(&mut self, partition: Partition) {
         self.partition = partition;
-        for level in &mut self.levels {
+        self.motion.reset();
+        self.pursuit.reset();
+        for (number, level) in (0_u8..).zip(&mut self.levels) {
             level.residency = Residency::Out;
             level.generation = level.generation.wrapping_add(1);
             level.version = level.version.wrapping_add(1);
+            level.ahead = None;
+            level.hurt = None;
+            self.worker.want(number, level.generation);
+        }
+    }
+
+    /// What the streaming thread is doing.
+    #[must_use]
+    pub fn errands(&self) -> Errands {
+        Errands {
+            outstanding: self.outstanding,
+            answered: self.answered,
+            dropped: self.worker.dropped(),
+            finest: self.finest,
+            unread: self.levels.iter().any(|level| level.hurt.is_some()),
         }
     }
 
@@ -213,7 +341,7 @@ impl Streamer {
             .map_or(0, |level| level.version)
     }
 
-    /// Bytes of the copies of all levels.
+    /// Bytes of the copies of all levels and of the batches in circulation.
     #[must_use]
     pub fn bytes(&self) -> usize {
         let of = |level: &Level| {
@@ -221,119 +349,19 @@ impl Streamer {
                 + size_of_val(level.surface.as_slice())
                 + size_of_val(level.extremes.as_slice())
         };
-        self.levels.iter().map(of).sum()
+        self.levels.iter().map(of).sum::<usize>() + BATCHES * BATCH_TEXELS * TEXEL_BYTES
+    }
+
+    /// Bytes of the tiles that the streaming thread keeps, for every line together.
+    #[must_use]
+    pub fn cache_bytes(&self) -> usize {
+        self.worker.cache_bytes()
     }
 
     /// The worker's counts of unreadable tiles.
     #[must_use]
     pub fn damage(&self) -> super::surface::DamageCounts {
         self.worker.damage().counts()
-    }
-
-    /// Height code of a post of a resident window.
-    #[must_use]
-    pub fn code(&self, level: u8, i: i32, j: i32) -> Option<u16> {
-        self.window(level)?;
-        let level = self.levels.get(usize::from(level))?;
-        level.heights.get(self.texel(i, j)).map(|h| h[0])
-    }
-
-    /// The lowest height code at which a post of a resident window is drawn, whatever the blend: own or coarser.
-    #[must_use]
-    pub fn floor_code(&self, level: u8, i: i32, j: i32) -> u16 {
-        let [own, coarser] = self.levels[usize::from(level)].heights[self.texel(i, j)];
-        own.min(coarser)
-    }
-
-    /// The greatest height code at which a post of a rectangle of a resident window is drawn, whatever the blend. `from` and
-    /// `to`: its south-western and north-eastern posts.
-    #[must_use]
-    pub fn top_code(&self, level: u8, from: (i32, i32), to: (i32, i32)) -> u16 {
-        let heights = &self.levels[usize::from(level)].heights;
-        let mut top = 0;
-        for j in from.1..=to.1 {
-            for i in from.0..=to.0 {
-                let [own, coarser] = heights[self.texel(i, j)];
-                top = top.max(own).max(coarser);
-            }
-        }
-        top
-    }
-
-    /// Height code of the ground at a post position of a resident level, as its triangles lie, without the blend.
-    ///
-    /// # Errors
-    /// [`NoTerrain`].
-    pub fn ground_code(&self, level: u8, x: f64, y: f64) -> Result<f64, NoTerrain> {
-        let window = self.window(level).ok_or(NoTerrain::NotResident)?;
-        let inside = |v: f64, origin: i32| {
-            v >= f64::from(origin) && v < f64::from(origin + self.shape.cells())
-        };
-        if !inside(x, window.i) || !inside(y, window.j) {
-            return Err(NoTerrain::NotResident);
-        }
-        let (i, j) = (whole(x), whole(y));
-        let (fx, fy) = (x - x.floor(), y - y.floor());
-        let level = &self.levels[usize::from(level)];
-        let post = |di: i32, dj: i32| {
-            let at = self.texel(i + di, j + dj);
-            if level.surface[at][3] == KIND_VOID {
-                return Err(NoTerrain::Void);
-            }
-            Ok(f64::from(level.heights[at][0]))
-        };
-        // Weights of the triangle's corners; see super::blocks for which way the diagonal runs.
-        if (i + j).rem_euclid(2) == 0 {
-            let (sw, ne) = (post(0, 0)?, post(1, 1)?);
-            Ok(if fx >= fy {
-                sw + fx * (post(1, 0)? - sw) + fy * (ne - post(1, 0)?)
-            } else {
-                sw + fy * (post(0, 1)? - sw) + fx * (ne - post(0, 1)?)
-            })
-        } else {
-            let (se, nw) = (post(1, 0)?, post(0, 1)?);
-            Ok(if fx + fy <= 1.0 {
-                let sw = post(0, 0)?;
-                sw + fx * (se - sw) + fy * (nw - sw)
-            } else {
-                let ne = post(1, 1)?;
-                ne + (1.0 - fx) * (nw - ne) + (1.0 - fy) * (se - ne)
-            })
-        }
-    }
-
-    /// Lowest and greatest height code, own and coarser, in a rectangle of posts of a level; may be wider than the truth.
-    #[must_use]
-    pub fn extremes(
-        &self,
-        level: u8,
-        (i, j): (i32, i32),
-        (width, height): (i32, i32),
-    ) -> (u16, u16) {
-        let texels = self.shape.texels();
-        let per_side = texels / EXTREMES_SIDE;
-        let Some(level) = self.levels.get(usize::from(level)) else {
-            return (0, u16::MAX);
-        };
-        let squares = |start: i32, length: i32| {
-            let first = torus_texel(texels, start) / EXTREMES_SIDE;
-            let last =
-                (torus_texel(texels, start) + length.cast_unsigned() as usize) / EXTREMES_SIDE;
-            first..=last
-        };
-        let mut out = (u16::MAX, 0);
-        for y in squares(j, height) {
-            for x in squares(i, width) {
-                let e = level.extremes[(y % per_side) * per_side + x % per_side];
-                out = (out.0.min(e.0), out.1.max(e.1));
-            }
-        }
-        if out.0 > out.1 { (0, u16::MAX) } else { out }
-    }
-
-    fn texel(&self, i: i32, j: i32) -> usize {
-        let texels = self.shape.texels();
-        torus_texel(texels, j) * texels + torus_texel(texels, i)
     }
 
     /// Uploads a batch, or as much of it as the quota leaves; gives back what must wait.
@@ -345,10 +373,13 @@ impl Streamer {
             return None;
         }
         // A strip overwrites texels that are still drawn: all of it or nothing.
-        let is_strip = matches!(level.residency, Residency::In { .. });
-        *left -= sink.catch_up(job.level, &level.torus(), *left);
-        if is_strip && job.texels() > *left {
-            return Some(held);
+        if matches!(level.residency, Residency::In { .. }) {
+            *left -= sink.catch_up(job.level, &level.torus(), *left);
+            if job.texels() > *left {
+                return Some(held);
+            }
+        } else if std::mem::take(&mut level.is_fresh) {
+            sink.forget(job.level);
         }
         let batch = &held.parcel.batch;
         let mut start: usize = batch.parts[..held.part]
@@ -395,139 +426,11 @@ impl Streamer {
             }
         };
         level.version = level.version.wrapping_add(1);
+        if held.parcel.unread {
+            self.remember_unread(job);
+        }
         self.free.push(held.parcel.batch);
         None
-    }
-
-    /// Brings a level's window nearer to the eye.
-    fn follow(&mut self, level: u8, eye: (f64, f64), quota: usize) {
-        let at = usize::from(level);
-        let around = |current| Window::around(self.shape, eye.0, eye.1, current);
-        let far = |a: Window, b: Window| {
-            (a.i - b.i).abs().max((a.j - b.j).abs()) > self.shape.strip_steps_max()
-        };
-        match self.levels[at].residency {
-            Residency::Out => self.begin(level, around(None)),
-            Residency::In { window, .. } if far(window, around(Some(window))) => {
-                self.begin(level, around(None));
-            }
-            Residency::Filling { window, .. } if far(window, around(Some(window))) => {
-                self.begin(level, around(None));
-            }
-            Residency::Filling { .. } => {}
-            Residency::In {
-                window, step: None, ..
-            } => {
-                let target = around(Some(window));
-                if target != window {
-                    self.ask_strip(level, window, target, quota);
-                }
-            }
-            Residency::In { .. } => {}
-        }
-        self.ask_squares(level);
-    }
-
-    /// Gives up what a level holds and fills it anew at a window.
-    fn begin(&mut self, level: u8, window: Window) {
-        let n = self.shape.vertices().cast_unsigned() as usize;
-        let level = &mut self.levels[usize::from(level)];
-        level.generation = level.generation.wrapping_add(1);
-        level.residency = Residency::Filling {
-            window,
-            next: 0,
-            left: n * n,
-        };
-        level.version = level.version.wrapping_add(1);
-    }
-
-    /// Asks for the squares of a level that is being filled, as long as there are batches.
-    fn ask_squares(&mut self, level: u8) {
-        let at = usize::from(level);
-        let n = self.shape.vertices();
-        let per_side = (n + FILL_SIDE - 1) / FILL_SIDE;
-        while let Residency::Filling { window, next, left } = self.levels[at].residency {
-            if next >= per_side * per_side {
-                return;
-            }
-            let (x, y) = (next % per_side * FILL_SIDE, next / per_side * FILL_SIDE);
-            let job = Job {
-                partition: self.partition,
-                level,
-                generation: self.levels[at].generation,
-                i: window.i + x,
-                j: window.j + y,
-                width: count(FILL_SIDE.min(n - x)),
-                height: count(FILL_SIDE.min(n - y)),
-            };
-            if !self.ask(job) {
-                return;
-            }
-            self.levels[at].residency = Residency::Filling {
-                window,
-                next: next + 1,
-                left,
-            };
-        }
-    }
-
-    /// Asks for the strip that moves a window towards `target` along one axis, no larger than a frame's quota.
-    fn ask_strip(&mut self, level: u8, window: Window, target: Window, quota: usize) {
-        let n = self.shape.vertices();
-        let texels = i32::try_from(quota.min(BATCH_TEXELS)).unwrap_or(i32::MAX);
-        let widest = (texels / n).min(STRIP_POSTS_MAX) & !1;
-        if widest == 0 {
-            return;
-        }
-        let (dx, dy) = (target.i - window.i, target.j - window.j);
-        let limit = |d: i32| d.clamp(-widest, widest);
-        // The first new post of a side that moves by `d`.
-        let fresh = |origin: i32, d: i32| if d > 0 { origin + n } else { origin + d };
-        let generation = self.levels[usize::from(level)].generation;
-        let (step, i, j, width, height) = if dx != 0 {
-            let d = limit(dx);
-            let to = Window {
-                i: window.i + d,
-                ..window
-            };
-            (to, fresh(window.i, d), window.j, d.abs(), n)
-        } else {
-            let d = limit(dy);
-            let to = Window {
-                j: window.j + d,
-                ..window
-            };
-            (to, window.i, fresh(window.j, d), n, d.abs())
-        };
-        let job = Job {
-            partition: self.partition,
-            level,
-            generation,
-            i,
-            j,
-            width: count(width),
-            height: count(height),
-        };
-        if self.ask(job) {
-            self.levels[usize::from(level)].residency = Residency::In {
-                window,
-                step: Some(step),
-            };
-        }
-    }
-
-    /// Sends a job if there is a batch for it.
-    fn ask(&mut self, job: Job) -> bool {
-        let Some(batch) = self.free.pop() else {
-            return false;
-        };
-        match self.worker.send(Parcel { job, batch }) {
-            Ok(()) => true,
-            Err(parcel) => {
-                self.free.push(parcel.batch);
-                false
-            }
-        }
     }
 }
 
@@ -569,18 +472,4 @@ impl Level {
             }
         }
     }
-}
-
-/// A count of posts as a job holds it: at most a few hundred.
-fn count(posts: i32) -> u16 {
-    u16::try_from(posts).unwrap_or(0)
-}
-
-/// The whole part of a post position inside a window.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "inside a window, whose posts are 32-bit numbers"
-)]
-fn whole(v: f64) -> i32 {
-    v.floor() as i32
 }

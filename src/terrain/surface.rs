@@ -7,22 +7,22 @@
 
 use super::clipmap::TorusPart;
 use super::codec::{SurfaceKind, Tile};
+use super::credit::Credit;
 use super::grid::{Grid, TILE_SIDE, TileKey};
 use super::pack::{LevelError, Pack, PackInfo, TileError, TileReader};
 use super::partition::Partition;
 use super::tables::HeightCode;
 use super::texel::{encode_crest, encode_kind, encode_normal};
+use super::tile_cache::{self, Found, TileCache};
 use crate::geo::{meridian_radius_m, prime_vertical_radius_m};
 use crate::units::Radians;
 use arrayvec::ArrayVec;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+pub use super::tile_cache::{TILES_KEPT, TILES_KEPT_MIN};
 
 /// Texels of the largest job: 64 x 64, or a strip of 16 x 255 or 8 x 447.
 pub const BATCH_TEXELS: usize = 4096;
-
-/// Decoded tiles that are kept: a window of 255 posts with its border touches 3 x 3 tiles on most of its 12 levels; and a
-/// square of 64 posts of level 11 that stands beyond the date line, where level 7 gives its posts, 9 x 9. 48 KiB each.
-pub const TILES_KEPT: usize = 128;
 
 /// Where tiles come from: a [`Pack`], or a stand-in for it in tests.
 pub trait TileSource: Send + Sync + std::fmt::Debug + 'static {
@@ -106,7 +106,7 @@ impl Damage {
         }
     }
 
-    fn count(&self, error: &TileError) {
+    pub(super) fn count(&self, error: &TileError) {
         let counter = match error {
             TileError::Absent => return,
             TileError::Checksum => &self.checksum,
@@ -157,39 +157,27 @@ const NO_POST: Post = Post {
     kind: SurfaceKind::Void,
 };
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Found {
-    Ready(usize),
-    Damaged,
-    Absent,
-}
-
-#[derive(Debug)]
-struct Slot {
-    key: Option<TileKey>,
-    damaged: bool,
-    used: u64,
-    tile: Tile,
-}
-
 /// Makes texels from tiles.
 #[derive(Debug)]
 pub struct Sampler<'a, S> {
     source: &'a S,
-    damage: &'a Damage,
     partition: Partition,
     heights: HeightCode,
     grid: Grid,
     levels: u8,
-    slots: Vec<Slot>,
-    clock: u64,
-    reader: TileReader,
+    tiles: TileCache<'a, S>,
     own: Vec<Post>,
     coarse: Vec<Post>,
 }
 
 /// The own posts of a part with a border of one, and the coarser ones under it: at most 66 x 66, 18 x 257 or 10 x 449.
 const SCRATCH_POSTS: usize = 5000;
+
+/// Bytes that a sampler takes which keeps so many tiles.
+#[must_use]
+pub const fn cache_bytes(tiles: usize) -> usize {
+    tile_cache::bytes(tiles) + 2 * SCRATCH_POSTS * size_of::<Post>()
+}
 
 impl<'a, S: TileSource> Sampler<'a, S> {
     /// For the tiles of one partition. Allocates everything it will ever need.
@@ -200,25 +188,35 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         heights: HeightCode,
         damage: &'a Damage,
     ) -> Self {
-        let slot = || Slot {
-            key: None,
-            damaged: false,
-            used: 0,
-            tile: Tile::filled(0, SurfaceKind::Void),
-        };
         Self {
             source,
-            damage,
             partition,
             heights,
             grid: source.info().grid,
             levels: source.info().levels,
-            slots: std::iter::repeat_with(slot).take(TILES_KEPT).collect(),
-            clock: 0,
-            reader: TileReader::new(),
+            tiles: TileCache::new(source, damage),
             own: vec![NO_POST; SCRATCH_POSTS],
             coarse: vec![NO_POST; SCRATCH_POSTS],
         }
+    }
+
+    /// Keeps so many tiles, at least [`TILES_KEPT_MIN`], all of them forgotten now.
+    #[must_use]
+    pub fn keeping(mut self, tiles: usize) -> Self {
+        self.tiles.keep(tiles);
+        self
+    }
+
+    /// Decodes only what is granted, and waits for more; not once it is told to stop.
+    #[must_use]
+    pub const fn on_credit(mut self, credit: &'a Credit, stop: &'a AtomicBool) -> Self {
+        self.tiles.credit = Some((credit, stop));
+        self
+    }
+
+    /// Whether a tile could not be read since this was last asked: by the disk's fault, not its own.
+    pub const fn take_unread(&mut self) -> bool {
+        std::mem::replace(&mut self.tiles.unread, false)
     }
 
     /// Goes over to the tiles of a partition.
@@ -261,6 +259,37 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         if level + 1 < self.levels {
             self.fill_coarse(level, (i, j), (width, height), heights);
         }
+    }
+
+    /// Reads the tiles under a rectangle of posts, as long as it is not told to leave off. Returns whether it was.
+    pub fn fetch(
+        &mut self,
+        level: u8,
+        (i, j): (i32, i32),
+        (width, height): (usize, usize),
+        mut leaves_off: impl FnMut() -> bool,
+    ) -> bool {
+        let mut x = 0;
+        while x < width {
+            // What this level has no post for comes from finer levels, which are fetched for themselves.
+            let Some(canonical) = self.canonical_at(level, i + signed(x)) else {
+                x += 1;
+                continue;
+            };
+            let run = unsigned(TILE_SIDE - canonical.rem_euclid(TILE_SIDE)).min(width - x);
+            let mut y = 0;
+            while y < height {
+                if leaves_off() {
+                    return true;
+                }
+                let row = j + signed(y);
+                self.tiles
+                    .tile(TileKey::of_post(self.partition, level, canonical, row));
+                y += unsigned(TILE_SIDE - row.rem_euclid(TILE_SIDE)).min(height - y);
+            }
+            x += self.run_before_date_line(level, canonical, run);
+        }
+        false
     }
 
     /// The second component of `heights`: the next coarser level's triangles at these posts.
@@ -362,7 +391,7 @@ impl<'a, S: TileSource> Sampler<'a, S> {
     /// Posts that lie in one tile.
     fn tile_part(&mut self, part: Part, stride: usize, out: &mut [Post]) {
         let key = TileKey::of_post(self.partition, part.level, part.i, part.j);
-        let found = self.tile(key);
+        let found = self.tiles.tile(key);
         for y in 0..part.height {
             for x in 0..part.width {
                 let (i, j) = (part.i + signed(x), part.j + signed(y));
@@ -384,7 +413,7 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         #[expect(clippy::cast_possible_truncation, reason = "at most 32")]
         let own = level.min(base.trailing_zeros() as u8);
         let (i, j) = (base >> own, j << (level - own));
-        match self.tile(TileKey::of_post(self.partition, own, i, j)) {
+        match self.tiles.tile(TileKey::of_post(self.partition, own, i, j)) {
             Found::Ready(slot) => self.stored(slot, own, i, j),
             Found::Absent => self.missing(own, i, j),
             Found::Damaged => self.inherited(own, i, j),
@@ -392,7 +421,7 @@ impl<'a, S: TileSource> Sampler<'a, S> {
     }
 
     fn stored(&self, slot: usize, level: u8, i: i32, j: i32) -> Post {
-        let tile = &self.slots[slot].tile;
+        let tile = self.tiles.at(slot);
         let at = TileKey::index_of(i, j);
         let info = self.source.info();
         let orthometric_m = info.base_m + f64::from(tile.quanta[at]) * info.unit_m;
@@ -439,44 +468,6 @@ impl<'a, S: TileSource> Sampler<'a, S> {
         );
         let undulation_m = self.source.undulation_m(latitude, longitude).unwrap_or(0.0);
         self.heights.encode(orthometric_m + undulation_m)
-    }
-
-    /// A tile from the cache, or read into its least recently used slot.
-    fn tile(&mut self, key: TileKey) -> Found {
-        self.clock += 1;
-        let mut oldest = 0;
-        for at in 0..self.slots.len() {
-            if self.slots[at].key == Some(key) {
-                self.slots[at].used = self.clock;
-                return if self.slots[at].damaged {
-                    Found::Damaged
-                } else {
-                    Found::Ready(at)
-                };
-            }
-            if self.slots[at].used < self.slots[oldest].used {
-                oldest = at;
-            }
-        }
-        if !self.source.contains(key) {
-            return Found::Absent;
-        }
-        let slot = &mut self.slots[oldest];
-        let read = self.source.read_tile(key, &mut self.reader, &mut slot.tile);
-        if let Err(TileError::Absent) = read {
-            return Found::Absent;
-        }
-        if let Err(e) = &read {
-            self.damage.count(e);
-        }
-        slot.key = Some(key);
-        slot.used = self.clock;
-        slot.damaged = read.is_err();
-        if slot.damaged {
-            Found::Damaged
-        } else {
-            Found::Ready(oldest)
-        }
     }
 }
 

@@ -21,9 +21,9 @@
 //! A pack without posts for the eye's partition draws nothing there, and says so: [`FrameFigures::partition`] is `None`.
 
 use super::partition::{Partition, SEAM_LATITUDE_DEG};
-use super::scene::{BadCamera, FrameFigures, Scene, Settings};
+use super::scene::{self, BadCamera, FrameFigures, Scene, Settings};
 use super::stream::{NoTerrain, Sink};
-use super::surface::{DamageCounts, TileSource};
+use super::surface::TileSource;
 use crate::geo::{Camera, Geodetic};
 use crate::time::Monotonic;
 use crate::units::Metres;
@@ -83,18 +83,19 @@ struct Choice {
 }
 
 impl World {
-    /// For a pack; starts a streaming thread for each scene.
+    /// For a pack; starts the streaming thread, one for all scenes.
     ///
     /// # Errors
     /// When the system refuses a thread.
     pub fn new<S: TileSource>(source: &Arc<S>, settings: Settings) -> io::Result<Self> {
         let [north, south] = [Partition::North, Partition::South].map(|cap| source.has(cap));
-        let new = |partition| Scene::new(Arc::clone(source), partition, settings);
-        let mut scenes = ArrayVec::new();
-        scenes.push(new(Partition::Geographic)?);
-        if north || south {
-            scenes.push(new(Partition::North)?);
-        }
+        let lines = 1 + usize::from(north || south);
+        let workers = scene::start(source, settings, lines)?;
+        let scenes = [Partition::Geographic, Partition::North]
+            .into_iter()
+            .zip(workers)
+            .map(|(partition, worker)| Scene::on(source.info(), partition, settings, worker))
+            .collect();
         Ok(Self {
             scenes,
             has: [true, north, south],
@@ -128,11 +129,14 @@ impl World {
         let shown = self.drawn;
         self.drawn = self.index(partition);
         self.fade(shown, choice.fades, now);
+        // All scenes are served by one thread.
+        let decoded_samples = self.scenes[0].streamer().begin_frame();
         self.figures = FrameFigures {
             settled: true,
             ..FrameFigures::default()
         };
         if let Some(at) = self.drawn {
+            self.scenes[at].streamer().lead();
             self.scenes[at].enter(partition);
             self.scenes[at].frame(camera, quota, &mut sinks[at])?;
             self.figures = self.scenes[at].figures();
@@ -162,7 +166,9 @@ impl World {
             self.going = self.going.filter(|_| !scene.plan().levels.is_empty());
         }
         self.figures.settled &= self.going.is_none();
-        self.figures.damage = self.damage();
+        self.figures.decoded_samples = decoded_samples;
+        // Every scene knows the counts of the one thread.
+        self.figures.damage = self.scenes[0].streamer().damage();
         Ok(())
     }
 
@@ -274,14 +280,10 @@ impl World {
         self.has[partition as usize].then_some(at)
     }
 
-    fn damage(&self) -> DamageCounts {
-        let mut sum = DamageCounts::default();
-        for scene in &self.scenes {
-            let damage = scene.figures().damage;
-            sum.checksum += damage.checksum;
-            sum.content += damage.content;
-            sum.reading += damage.reading;
-        }
-        sum
+    /// Bytes of the copies of levels, of batches in circulation, and of the tiles that the streaming thread keeps.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let copies = self.scenes.iter().map(|scene| scene.streamer().bytes());
+        copies.sum::<usize>() + self.scenes[0].streamer().cache_bytes()
     }
 }

@@ -94,8 +94,12 @@ pub struct TerrainWish {
     pub vertices: u32,
     /// Error that pictures may have where levels follow the distance, RMS, pixels.
     pub target_px: f64,
-    /// Height samples uploaded per frame at most.
-    pub upload_texels_per_frame: u32,
+    /// Bytes uploaded per frame at most: texels, tables and blocks.
+    pub upload_bytes_per_frame: u32,
+    /// Samples decoded per frame at most.
+    pub decode_samples_per_frame: u32,
+    /// Memory that terrain may take, MiB.
+    pub resident_mib: u32,
     /// Whether ground is coloured by its height relative to the aircraft at start.
     pub awareness: bool,
     /// Whether lines of latitude and longitude lie on the ground at start.
@@ -311,14 +315,18 @@ fn read_terrain(r: &mut Reader, file: &Path, problems: &mut Vec<Problem>) -> Opt
         .map(|p| file.parent().unwrap_or(Path::new("")).join(p));
     let vertices = r.choice_of_number("vertices", &[127, 175, 191, 255, 319, 447], problems);
     let target_px = r.number("target_px", TARGET_PX, problems);
-    let upload = r.whole("upload_texels_per_frame", 4096..=1_048_576, problems);
+    let upload = r.whole("upload_bytes_per_frame", 131_072..=16_777_216, problems);
+    let decode = r.whole("decode_samples_per_frame", 16_384..=4_194_304, problems);
+    let resident = r.whole("resident_mib", 8..=4096, problems);
     let awareness = r.flag("awareness", problems);
     let grid = r.flag("grid", problems);
     Some(TerrainWish {
         pack,
         vertices: vertices?,
         target_px: target_px?,
-        upload_texels_per_frame: upload?,
+        upload_bytes_per_frame: upload?,
+        decode_samples_per_frame: decode?,
+        resident_mib: resident?,
         awareness: awareness?,
         grid: grid?,
     })

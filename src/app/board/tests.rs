@@ -134,6 +134,18 @@ const SLIPS: &[(&str, &[&str])] = &[
         &["screen.size_px: `big` is no size"],
     ),
     (
+        "[terrain]\nupload_bytes_per_frame = 1000",
+        &["terrain.upload_bytes_per_frame: 1000 is out of range"],
+    ),
+    (
+        "[terrain]\ndecode_samples_per_frame = 16383",
+        &["terrain.decode_samples_per_frame: 16383 is out of range"],
+    ),
+    (
+        "[terrain]\nresident_mib = 0",
+        &["terrain.resident_mib: 0 is out of range"],
+    ),
+    (
         "[terrain]\nvertices = 128",
         &[
             "terrain.vertices: 128 is not offered",

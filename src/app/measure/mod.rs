@@ -12,9 +12,12 @@ pub mod poses;
 pub mod position;
 pub mod sheet;
 pub mod speed;
+pub mod stream_flights;
+pub mod streaming;
 pub mod surface;
 pub mod table;
 pub mod talk;
+pub mod throttle;
 pub mod watertight;
 
 use crate::app::cockpit;
@@ -47,6 +50,14 @@ pub enum MeasureCommand {
     /// How fast it is drawn: frame times, work, triangles, and the error that they buy, for several sizes of level.
     #[command(after_help = "Example:\n  glasswing measure speed --pack andes.pack --plot plots")]
     Speed(SpeedArgs),
+    /// Whether terrain keeps up with an eye that flies, turns and leaps, and what that costs a frame.
+    ///
+    /// Three flights: 300 km/h at 100 m, 900 km/h at 3 km with turns, a leap every 5 s; each from the pack as it is, throttled to
+    /// 10 MB/s and to 1 MB/s, and with random stalls of 200 ms. Then an hour of flight without pictures, for memory.
+    #[command(
+        after_help = "Example:\n  glasswing measure streaming --pack andes.pack --json streaming.json"
+    )]
+    Streaming(StreamingArgs),
     /// How long a value takes from its receipt to the screen, by source and group, and what a full bus costs.
     ///
     /// Through real sockets, a pseudoterminal, vcan0 where that is up, the real threads and a headless screen.
@@ -54,9 +65,9 @@ pub enum MeasureCommand {
     Latency(latency::LatencyArgs),
 }
 
-/// What both commands take.
+/// What is measured and where to, for all that is drawn.
 #[derive(Debug, clap::Args)]
-pub struct CommonArgs {
+pub struct FileArgs {
     /// Measure this terrain pack too
     #[arg(long, value_name = "PACK")]
     pack: Option<PathBuf>,
@@ -66,6 +77,16 @@ pub struct CommonArgs {
     /// Write plots (SVG), and contact sheets of flights (PNG), into this folder
     #[arg(long, value_name = "DIR")]
     plot: Option<PathBuf>,
+    /// What draws
+    #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
+    backend: Backend,
+}
+
+/// What the measurements of pictures take.
+#[derive(Debug, clap::Args)]
+pub struct CommonArgs {
+    #[command(flatten)]
+    files: FileArgs,
     /// Measure this view too: degrees north and east, metres above the ellipsoid, heading and pitch in degrees; 1024x600
     /// pixels, 60 degrees across. May be given several times
     #[arg(long, value_name = "LAT,LON,HEIGHT,HEADING,PITCH", value_parser = parse_view, allow_hyphen_values = true)]
@@ -73,9 +94,6 @@ pub struct CommonArgs {
     /// How far from the eye the truth reaches: rays are cast through the finest posts within this, kilometres
     #[arg(long, value_name = "KM", default_value_t = 130.0, value_parser = parse_positive)]
     reach: f64,
-    /// What draws
-    #[arg(long, value_enum, default_value_t = Backend::Surfaceless)]
-    backend: Backend,
 }
 
 impl CommonArgs {
@@ -123,6 +141,30 @@ pub struct SpeedArgs {
     /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
     #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
     target_px: f64,
+}
+
+/// Arguments of `measure streaming`.
+#[derive(Debug, clap::Args)]
+pub struct StreamingArgs {
+    #[command(flatten)]
+    files: FileArgs,
+    /// Seconds of each flight
+    #[arg(long, value_name = "S", default_value_t = 20.0, value_parser = parse_positive)]
+    seconds: f64,
+    /// Hours of the flight without pictures; 0: none
+    #[arg(long, value_name = "H", default_value_t = 1.0, value_parser = parse_hours)]
+    hours: f64,
+    /// Vertices along a side of a level
+    #[arg(long, value_name = "N", default_value = "255", value_parser = parse_shape)]
+    vertices: Shape,
+    /// The error that ground may have where levels of detail follow the distance, RMS, pixels: a board's terrain.target_px
+    #[arg(long, value_name = "PX", default_value_t = scene::TARGET_PX, value_parser = shot::parse_target)]
+    target_px: f64,
+}
+
+fn parse_hours(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|v: &f64| (0.0..=24.0).contains(v));
+    number.ok_or_else(|| "a number from 0 to 24 is needed".to_owned())
 }
 
 fn parse_positive(text: &str) -> Result<f64, String> {
@@ -176,20 +218,20 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
                 seconds: args.seconds.clamp(0.1, 600.0),
                 reach_m: args.common.reach_m(),
                 views: args.common.view.clone(),
-                sheets: args.common.plot.clone(),
+                sheets: args.common.files.plot.clone(),
             };
             let settings = Settings {
                 target_px: args.target_px,
                 ..args.vertices.unwrap_or(Shape::DEFAULT).into()
             };
             measured(
-                &args.common,
+                &args.common.files,
                 |gpu, pack, progress| accuracy::run(gpu, pack, settings, &effort, progress),
                 |value| (table::accuracy(value), plot::accuracy(value)),
             )
         }
         MeasureCommand::Speed(args) => measured(
-            &args.common,
+            &args.common.files,
             |gpu, pack, progress| {
                 let effort = speed::Effort {
                     frames: args.frames.max(2),
@@ -200,6 +242,21 @@ pub fn run(command: MeasureCommand) -> Result<(), Failure> {
             },
             |value| (table::speed(value), plot::speed(value)),
         ),
+        MeasureCommand::Streaming(args) => measured(
+            &args.files,
+            |gpu, pack, progress| {
+                let effort = streaming::Effort {
+                    seconds: args.seconds.clamp(0.1, 3600.0),
+                    hours: args.hours,
+                };
+                let settings = Settings {
+                    target_px: args.target_px,
+                    ..Settings::from(args.vertices)
+                };
+                streaming::run(gpu, pack, settings, effort, progress)
+            },
+            |value| (table::streaming(value), plot::streaming(value)),
+        ),
     }
 }
 
@@ -208,7 +265,7 @@ pub type Plot = (&'static str, String);
 
 /// Opens what is measured, measures it, and writes table, document and plots.
 fn measured(
-    args: &CommonArgs,
+    args: &FileArgs,
     measure: impl FnOnce(&Rc<Gpu>, Option<&Arc<Pack>>, &Progress) -> Result<Value, Failure>,
     show: impl FnOnce(&Value) -> (String, Vec<Plot>),
 ) -> Result<(), Failure> {

@@ -208,3 +208,31 @@ pub fn accuracy(value: &Value) -> Vec<Plot> {
     ];
     vec![("accuracy.svg", sheet(&panels))]
 }
+
+/// Frame times of the flights of `measure streaming`, by reader.
+#[must_use]
+pub fn streaming(value: &Value) -> Vec<Plot> {
+    let over = |keys: &[&str]| {
+        let mut lines: Vec<Line> = Vec::new();
+        for row in value["flights"].as_array().into_iter().flatten() {
+            let name = row["flight"].as_str().unwrap_or("").to_owned();
+            let y = number(row, keys);
+            match lines.iter_mut().find(|line| line.0 == name) {
+                Some(line) => {
+                    let x = line.1.last().map_or(1.0, |last| last.0 + 1.0);
+                    line.1.push((x, y));
+                }
+                None => lines.push((name, vec![(1.0, y)])),
+            }
+        }
+        lines
+    };
+    let x = "reader: 1 free, 2 10 MB/s, 3 1 MB/s, 4 stalls";
+    let panels = [
+        ("median frame, ms", x, over(&["frame_ms", "moving", "p50"])),
+        ("worst frame, ms", x, over(&["frame_ms", "moving", "max"])),
+        ("late frames", x, over(&["late_frames"])),
+        ("frames to refill", x, over(&["teleport_frames"])),
+    ];
+    vec![("streaming.svg", sheet(&panels))]
+}

@@ -49,7 +49,8 @@ pub struct Effort {
 }
 
 /// CPU time of the process or the thread.
-fn cpu(clock: ClockId) -> Duration {
+#[must_use]
+pub fn cpu(clock: ClockId) -> Duration {
     let t = clock_gettime(clock);
     Duration::new(
         u64::try_from(t.tv_sec).unwrap_or(0),
@@ -130,8 +131,8 @@ struct Planner {
 }
 
 /// Takes uploads and forgets them.
-#[derive(Clone, Copy)]
-struct Nowhere;
+#[derive(Clone, Copy, Debug)]
+pub struct Nowhere;
 
 impl Sink for Nowhere {
     fn write(&mut self, _: u8, _: TorusPart, _: &[[u16; 2]], _: &[[u8; 4]]) {}

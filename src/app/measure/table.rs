@@ -187,3 +187,75 @@ pub fn speed(value: &Value) -> String {
     }
     out
 }
+
+/// The document of `measure streaming` as a table.
+#[must_use]
+pub fn streaming(value: &Value) -> String {
+    let of = |key: &str| number(value, &[key]);
+    let mut out = String::new();
+    let _ = writeln!(
+        out,
+        "{}\n{}, {} threads, {} vertices\n\n\
+         quota          {} bytes a frame, {} at most uploaded, {} frames over it\n\
+         teleport       {} frames to refill everything\n\
+         late           {} frames without the finest wanted level\n\
+         resident       {:.1} MiB at most",
+        text(value, "how"),
+        text(value, "gpu"),
+        of("threads"),
+        of("vertices"),
+        of("quota_bytes"),
+        of("upload_bytes_max"),
+        of("over_quota_frames"),
+        of("teleport_frames"),
+        of("late_frames"),
+        of("resident_bytes_max") / f64::from(1 << 20),
+    );
+    let long = &value["long_flight"];
+    if long.is_object() {
+        let _ = writeln!(
+            out,
+            "long flight    {} h, {} frames: {:.1} MiB of the process, {:+.2} MiB since its first five minutes",
+            number(long, &["hours"]),
+            number(long, &["frames"]),
+            rows(long, "process_bytes")
+                .last()
+                .and_then(Value::as_f64)
+                .unwrap_or(f64::NAN)
+                / f64::from(1 << 20),
+            number(long, &["process_bytes_grown"]) / f64::from(1 << 20),
+        );
+    }
+    let _ = writeln!(
+        out,
+        "\n{:45} frames  late refill  over  KiB/frame  still p50    max  moving p50    max  worst/p50  CPU p50    max  alloc  tiles",
+        ""
+    );
+    for row in rows(value, "flights") {
+        let n = |path: &[&str]| number(row, path);
+        let (p50, max) = (
+            n(&["frame_ms", "moving", "p50"]),
+            n(&["frame_ms", "moving", "max"]),
+        );
+        let _ = writeln!(
+            out,
+            "{:45} {:6} {:5} {:>6} {:5} {:10.0} {:10.1} {:6.1} {p50:11.1} {max:6.1} {:10.2} {:8.1} {:6.1} {:6} {:6}",
+            format!("{}, {}", text(row, "flight"), text(row, "reader")),
+            n(&["frames"]),
+            n(&["late_frames"]),
+            row["teleport_frames"]
+                .as_u64()
+                .map_or("-".to_owned(), |f| f.to_string()),
+            n(&["over_quota_frames"]),
+            n(&["upload_bytes_max"]) / 1024.0,
+            n(&["frame_ms", "still", "p50"]),
+            n(&["frame_ms", "still", "max"]),
+            max / p50,
+            n(&["process_ms", "moving", "p50"]),
+            n(&["process_ms", "moving", "max"]),
+            n(&["allocations"]),
+            n(&["tiles_read"]),
+        );
+    }
+    out
+}
