@@ -7,13 +7,12 @@
 mod proto_support;
 mod support;
 
-use glasswing::heap::allocations_of_this_thread;
 use glasswing::proto::can_fix::NODE_AGE_MAX;
 use glasswing::proto::capture::CandumpLine;
 use glasswing::proto::{Decoder, Fault, Protocol};
 use glasswing::sampled::Invalid;
 use glasswing::signal::{CanData, Parameter, Wire, engines};
-use proto_support::{Gauge, Heard, Random, at, storm_frames};
+use proto_support::{Heard, at};
 
 const KNOT: f64 = 1852.0 / 3600.0;
 const FOOT: f64 = 0.3048;
@@ -412,30 +411,4 @@ fn traffic_of_others_is_ignored_quietly() {
     let c = decoder.counters();
     assert_eq!((c.ignored, c.total()), (frames, frames));
     assert!(heard.signals.is_empty(), "29-bit frames are not CAN-FIX");
-}
-
-#[test]
-fn no_frame_makes_it_panic_allocate_or_say_what_cannot_be() {
-    let mut random = Random(42);
-    let mut decoder = Protocol::CanFix.decoder();
-    let mut gauge = Gauge::default();
-    let frames = storm_frames(500_000);
-    let before = allocations_of_this_thread();
-    for n in 0..frames {
-        let mut data = random.next().to_be_bytes();
-        if n % 2 == 0 {
-            // Mostly well-formed, so that all the ways in are tried.
-            (data[1], data[2]) = (data[1] % 8, data[2] & 0x16);
-        }
-        let can = CanData {
-            id: u32::try_from(random.below(0x800)).expect("11 bits"),
-            extended: n % 16 == 0,
-            len: u8::try_from(random.below(9)).expect("8"),
-            data,
-        };
-        gauge.said = 0;
-        decoder.push(at((n / 10) as u64, Wire::Can(can)), &mut gauge);
-    }
-    assert_eq!(allocations_of_this_thread(), before, "allocates");
-    assert_eq!(decoder.counters().total(), frames as u64);
 }

@@ -10,7 +10,7 @@ mod support;
 use glasswing::proto::{Fault, Protocol};
 use glasswing::sampled::Invalid;
 use glasswing::signal::{Parameter, engines};
-use proto_support::{Heard, storm, storm_frames, stream};
+use proto_support::{Heard, stream};
 
 const SKYVIEW: &str =
     "!1112345600+052-01232710955+03500-031+02+1025-020+151001+00+03900240125B\r\n";
@@ -39,29 +39,6 @@ fn one(protocol: Protocol, bytes: &[u8]) -> Heard {
 fn summed(body: &str) -> String {
     let sum = body.bytes().map(u32::from).sum::<u32>() % 256;
     format!("{body}{sum:02X}\r\n")
-}
-
-/// Whether some run of the bytes that ends before a line end, where the next line begins, or at the length of its kind, has
-/// the right sum.
-fn holds_summed_line(bytes: &[u8], start: Option<u8>) -> bool {
-    let is_end = |b: &u8| *b == b'\r' || *b == b'\n' || Some(*b) == start;
-    let is_right = |line: &[u8]| {
-        line.len() > 2 && {
-            let (body, digits) = line.split_at(line.len() - 2);
-            let sum = body.iter().map(|b| u32::from(*b)).sum::<u32>() % 256;
-            std::str::from_utf8(digits).is_ok_and(|d| d.eq_ignore_ascii_case(&format!("{sum:02X}")))
-        }
-    };
-    (0..bytes.len()).any(|from| {
-        let rest = &bytes[from..];
-        let begins = start.is_none_or(|s| rest[0] == s);
-        let Some(n) = rest.iter().skip(1).position(is_end) else {
-            return false;
-        };
-        let line = &rest[..=n];
-        let lengths = [51, 72, 91, 223, 57, 219, 40, 20, line.len()];
-        begins && lengths.iter().any(|n| line.get(..*n).is_some_and(is_right))
-    })
 }
 
 fn attitude_and_air_data(heard: &Heard) {
@@ -225,6 +202,27 @@ fn garmin_text_without_a_sum_is_doubtful_and_no_good_frame() {
         [&line[..40], "\r\n"].concat().as_bytes(),
     );
     assert!(heard.signals.is_empty(), "{heard:?}");
+}
+
+#[test]
+fn garmin_text_without_a_sum_says_nothing_beside_lines_that_have_one() {
+    let simple = "@190407000229N4538456W12111406S003+01524W0840S0094U0000\r\n";
+    // Id, time, 1200 ft above ground, 95.5 kt.
+    let ground_line = summed("=71123456780120955");
+    let both = [ground_line.as_str(), simple, simple].concat();
+    let (heard, counters) = stream(Protocol::GarminG3x, both.as_bytes());
+    assert_eq!((counters.good, counters.ignored), (1, 2));
+    heard.assert_near(Parameter::GroundSpeed, 95.5 * KNOT);
+    assert_eq!(
+        heard.last(Parameter::Latitude),
+        Some(Err(Invalid::Doubtful))
+    );
+    // Without the other line, it is doubtful.
+    let (heard, _) = stream(Protocol::GarminG3x, simple.as_bytes());
+    assert_eq!(
+        heard.last(Parameter::GroundSpeed),
+        Some(Err(Invalid::Doubtful))
+    );
 }
 
 /// A packet of MGL's around a payload.
@@ -438,47 +436,6 @@ fn the_recorded_climb_and_its_vertical_speed_agree() {
     assert!(compared >= 3, "{compared}");
 }
 
-#[test]
-fn no_damage_makes_text_lines_panic_allocate_or_believe() {
-    let skyview: Vec<Vec<u8>> = vec![
-        SKYVIEW.into(),
-        summed(&format!("!32{}", "X".repeat(218))).into(),
-        summed(&format!("!22{}", "X".repeat(86))).into(),
-    ];
-    let garmin = vec![
-        G3X.into(),
-        summed(&format!("=31{}", "_".repeat(214))).into(),
-    ];
-    let d100: Vec<Vec<u8>> = vec![D100.into()];
-    for (protocol, frames, start) in [
-        (Protocol::DynonSkyView, skyview, Some(b'!')),
-        (Protocol::GarminG3x, garmin, Some(b'=')),
-        (Protocol::DynonD100, d100, None),
-    ] {
-        storm(
-            protocol,
-            &frames,
-            b"\r\n",
-            storm_frames(200_000),
-            &|bytes| holds_summed_line(bytes, start),
-        );
-    }
-}
-
-#[test]
-fn no_damage_makes_mgl_packets_panic_allocate_or_believe() {
-    let frames = vec![hex(MGL)];
-    // As many bytes as the longest packet claims end whatever was begun.
-    let flush = [0; 280];
-    storm(
-        Protocol::Mgl,
-        &frames,
-        &flush,
-        storm_frames(200_000),
-        &|bytes| (0..bytes.len()).any(|i| holds_mgl_packet(&bytes[i..])),
-    );
-}
-
 /// The CRC-32 of IEEE 802.3, bit by bit.
 fn crc_32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
@@ -493,21 +450,4 @@ fn crc_32(bytes: &[u8]) -> u32 {
         }
     }
     !crc
-}
-
-fn holds_mgl_packet(bytes: &[u8]) -> bool {
-    let [5, 2, length, complement, ..] = *bytes else {
-        return false;
-    };
-    let total = 20
-        + if length == 0 {
-            256
-        } else {
-            usize::from(length)
-        };
-    length == !complement
-        && bytes.get(4..total).is_some_and(|body| {
-            let (content, sent) = body.split_at(body.len() - 4);
-            crc_32(content).to_le_bytes() == sent
-        })
 }

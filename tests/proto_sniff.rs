@@ -4,14 +4,16 @@
     reason = "a helper that fails is a test that fails"
 )]
 
-mod proto_support;
+#[allow(dead_code, reason = "storms damage frames besides")]
+#[path = "storm_support/random.rs"]
+mod random;
 mod support;
 
 use glasswing::proto::Protocol;
 use glasswing::proto::capture::{CandumpLine, UdpCapture};
 use glasswing::proto::sniff::{Sniffer, Verdict};
 use glasswing::signal::{CanData, Wire};
-use proto_support::Random;
+use random::Random;
 use std::path::Path;
 
 /// A recording, and the least confidence with which it has to be named: whole, and in a cut.

@@ -168,14 +168,25 @@ fn signals(protocol: Protocol, bytes: &[u8], beat: (Parameter, f64)) -> Vec<Sign
     let mut decoder = protocol.decoder();
     let mut signals = Vec::new();
     let mut seconds = 0.0;
+    let mut last_clock = None;
     let frame = Frame {
         at: at(0.0),
         source: SourceId(0),
         wire: Wire::Stream(bytes),
     };
     decoder.push(frame, &mut |signal: Signal| {
-        if signal.parameter == beat.0 {
-            seconds += beat.1;
+        // A receiver's own clock, where there is one: lines are missing, and with them seconds.
+        match (signal.value, last_clock) {
+            (Ok(clock), Some(last)) if signal.parameter == Parameter::UtcTimeOfDay => {
+                seconds += if clock > last { clock - last } else { 0.0 };
+            }
+            _ if signal.parameter == beat.0 && beat.0 != Parameter::UtcTimeOfDay => {
+                seconds += beat.1;
+            }
+            _ => {}
+        }
+        if signal.parameter == Parameter::UtcTimeOfDay && beat.0 == signal.parameter {
+            last_clock = signal.value.ok().or(last_clock);
         }
         signals.push(Signal {
             at: at(seconds),
@@ -209,7 +220,7 @@ fn no_value_of_a_recorded_flight_is_doubted() {
         (
             "xcsoar_rl-traffic.nmea",
             Protocol::Nmea,
-            (Parameter::AltitudeMsl, 1.0),
+            (Parameter::UtcTimeOfDay, 1.0),
         ),
     ] {
         let bytes = std::fs::read(data.join("bus").join(file)).expect("is there");

@@ -93,6 +93,17 @@ pub fn run(args: DecodeArgs) -> Result<(), Failure> {
             args.file.display()
         );
     }
+    if args.protocol == Protocol::FgGeneric && outcome.has_other_layout() {
+        let of = if args.layout.is_some() {
+            "the lines of the file given with --layout"
+        } else {
+            "those of flightgear-glasswing.xml"
+        };
+        eprintln!(
+            "glasswing: {}: most lines have another number of fields than {of} (give the protocol file that made them with --layout)",
+            args.file.display()
+        );
+    }
     if args.json {
         let mut document = outcome.to_json();
         if args.samples {
@@ -174,6 +185,12 @@ struct Outcome {
 }
 
 impl Outcome {
+    /// Whether most lines have another number of fields than they should.
+    fn has_other_layout(&self) -> bool {
+        let miscounted = self.counters.bad(Fault::Short) + self.counters.bad(Fault::Long);
+        miscounted > self.counters.good
+    }
+
     fn bad(&self) -> Vec<(&'static str, u64)> {
         Fault::ALL
             .into_iter()

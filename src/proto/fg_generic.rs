@@ -6,7 +6,8 @@
 //! the property that each sends. Properties that are not in the table below keep their place and are not read.
 //!
 //! Text only: `binary_mode` is refused, and so is a `factor` or `offset` of a property that is read. There is no checksum:
-//! the protocol is for UDP, which has its own. A line with a wrong number of fields is dropped whole; a field that is no
+//! the protocol is for UDP, which has its own. Of a byte stream (a serial port, a file of lines) what comes before the first line
+//! end is ignored: it may be the rest of a line, whose first number would be another. A line with a wrong number of fields is dropped whole; a field that is no
 //! number, or one that its parameter cannot have, is reported as [`Invalid::OutOfRange`](crate::sampled::Invalid), the others
 //! are used, and the line is counted as bad. Sentinels: none; a property that does not exist is sent as zero.
 
@@ -247,6 +248,8 @@ pub struct FgGeneric {
     counters: Counters,
     /// Whether what comes up to the next line end is the rest of a line that was given up: its first field is cut.
     is_torn: bool,
+    /// Whether what comes up to the next line end is a stream's first, of which nobody has seen the beginning.
+    is_first: bool,
 }
 
 impl FgGeneric {
@@ -258,6 +261,7 @@ impl FgGeneric {
             framer: Framer::new(),
             counters: Counters::default(),
             is_torn: false,
+            is_first: true,
         }
     }
 }
@@ -290,9 +294,20 @@ impl Decoder for FgGeneric {
             framer,
             counters,
             is_torn,
+            is_first,
         } = self;
+        *is_first |= matches!(frame.wire, Wire::Stream([]));
+        *is_first &= !matches!(frame.wire, Wire::Datagram(_));
+        if *is_first && bytes.first().is_some_and(|b| is_line_end(*b)) {
+            *is_first = false;
+        }
         for bytes in [bytes, end] {
             framer.push(frame.at, bytes, look, &mut |piece| {
+                if matches!(piece, Piece::Frame(..)) && std::mem::take(is_first) {
+                    *is_torn = false;
+                    counters.ignored += 1;
+                    return;
+                }
                 if matches!(piece, Piece::Frame(..)) && std::mem::take(is_torn) {
                     counters.count(Some(Fault::Fragment));
                     return;

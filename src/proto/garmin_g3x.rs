@@ -14,16 +14,22 @@
 //!
 //! Lines that begin with `@`, Garmin's simple text output (as of the GPS 35 and its kind), have no checksum. They are counted as
 //! ignored and as `unchecked`; what they say of position, height and motion over the ground is doubtful, for nothing protects it.
+//! Where a line with a checksum says the same (ground speed in `=71`, vertical speed in `=11`) what they say of it is left for 10 s,
+//! so that it does not come and go between the two.
 
 use super::emit::{
     Columns, Emit, celsius, compass, feet, fpm, inches_of_mercury, knots, same, whole,
 };
 use super::framing::{LINE_BYTES_MAX, Look, Piece, at_most, is_line_end, text_line};
 use super::stream::StreamDecoder;
-use super::{Counters, Fault};
+use super::{Counters, Decoder, Fault};
 use crate::sampled::Invalid;
-use crate::signal::{BUS_CURRENT, BUS_VOLTAGE, FUEL_QUANTITY, Parameter, Sink, SourceId, engines};
+use crate::signal::{
+    BUS_CURRENT, BUS_VOLTAGE, FUEL_QUANTITY, Frame, Parameter, Signal, Sink, SourceId, engines,
+};
+use crate::time::Monotonic;
 use crate::units::{HECTOPASCALS_PER_PSI, LITRES_PER_US_GALLON};
+use std::time::Duration;
 
 /// Lengths of the lines without their ends.
 const ATTITUDE_BYTES: usize = 57;
@@ -36,10 +42,47 @@ const SIMPLE_BYTES: usize = 55;
 /// The sender's sign of "no value".
 const ABSENT: u8 = b'_';
 
+/// For so long a line with a checksum speaks for lines without.
+const CHECKED_LASTS: Duration = Duration::from_secs(10);
+
 /// A decoder that has seen nothing.
 #[must_use]
-pub fn decoder() -> StreamDecoder<{ LINE_BYTES_MAX + 1 }> {
-    StreamDecoder::new(look, take)
+pub fn decoder() -> GarminG3x {
+    GarminG3x {
+        lines: StreamDecoder::new(look, take),
+        checked_at: [None; Parameter::COUNT],
+    }
+}
+
+/// The decoder. Memory: one line, and when each parameter was last said under a checksum.
+#[derive(Debug)]
+pub struct GarminG3x {
+    lines: StreamDecoder<{ LINE_BYTES_MAX + 1 }>,
+    checked_at: [Option<Monotonic>; Parameter::COUNT],
+}
+
+impl Decoder for GarminG3x {
+    fn push(&mut self, frame: Frame<'_>, sink: &mut dyn Sink) {
+        let checked_at = &mut self.checked_at;
+        self.lines.push(frame, &mut |signal: Signal| {
+            let checked_at = &mut checked_at[signal.parameter.index()];
+            let age = checked_at.and_then(|at| signal.at.since(at));
+            match signal.value {
+                Ok(_) => *checked_at = Some(signal.at),
+                Err(Invalid::Doubtful) if age.is_some_and(|age| age <= CHECKED_LASTS) => return,
+                Err(_) => {}
+            }
+            sink.signal(signal);
+        });
+    }
+
+    fn finish(&mut self) {
+        self.lines.finish();
+    }
+
+    fn counters(&self) -> &Counters {
+        self.lines.counters()
+    }
 }
 
 pub(super) fn look(bytes: &[u8], seen: usize) -> Look {
@@ -148,9 +191,16 @@ fn simple(line: &[u8], out: &mut Emit<'_>) {
     let tenths = |at, directions| signed(at, 4, directions).map(|x| x * 0.1);
     let velocity = tenths(45, *b"NS").zip(tenths(40, *b"EW"));
     let speed = velocity.map(|(north, east)| north.hypot(east));
-    out.maybe(Parameter::GroundSpeed, flat(speed));
     let up = signed(50, 4, *b"UD").map(|x| x * 0.01);
-    out.maybe(Parameter::VerticalSpeed, high(up));
+    // Other lines say these too: where there is no fix nothing is said of them.
+    for (parameter, value) in [
+        (Parameter::GroundSpeed, flat(speed)),
+        (Parameter::VerticalSpeed, high(up)),
+    ] {
+        if let Some(value) = value {
+            out.number(parameter, value);
+        }
+    }
 }
 
 fn attitude(line: &[u8], out: &mut Emit<'_>) {

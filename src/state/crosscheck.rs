@@ -13,7 +13,8 @@
 //!   the turn rate or yaw rate of another source.
 //!
 //! So is one whose roll is not level but has repeated to the last bit for 3 s, where that bank and the turn's are more than
-//! 10 degrees apart (15 without a lateral accelerometer): a roll in whole degrees that has stopped, which no noise betrays.
+//! 10 degrees apart (15 without a lateral accelerometer): a roll in whole degrees that has stopped, which no noise betrays. There
+//! the turn rate of the same source serves too, whose sensor is another, and the airspeed where there is no ground speed.
 //!
 //! Then its pitch and roll are [`Invalid::Implausible`](crate::sampled::Invalid::Implausible), and another source is taken
 //! if there is one. It is believed again after it has shown a bank of 3 degrees or more for 5 s; straight flight alone proves nothing.
@@ -48,7 +49,6 @@ const WINDOW: Duration = Duration::from_secs(3);
 #[derive(Clone, Debug)]
 pub(super) struct CrossCheck {
     latches: [Latch; SOURCES_MAX],
-    contradicted: [bool; SOURCES_MAX],
     tracks: Trail<f64>,
     tracks_of: Option<SourceId>,
 }
@@ -57,73 +57,52 @@ impl CrossCheck {
     pub(super) fn new() -> Self {
         Self {
             latches: [Latch::default(); SOURCES_MAX],
-            contradicted: [false; SOURCES_MAX],
             tracks: Trail::new(),
             tracks_of: None,
         }
     }
 
-    /// The sources whose attitude was found to be none, by their ids.
-    pub(super) const fn contradicted(&self) -> [bool; SOURCES_MAX] {
-        self.contradicted
-    }
-
-    /// Judges every source at `now`. `state` gives speed, track and lateral acceleration, `said` what each source says.
+    /// Judges every source at `now`. `state` gives speed, track and lateral acceleration, `said` what each source says,
+    /// `standing` how long its roll has repeated; `refute` is told of pitch and roll that are none.
     pub(super) fn step(
         &mut self,
         sources: &[SourceId],
         state: &FlightState,
         said: impl Fn(SourceId, P) -> Result<f64, Invalid>,
         standing: impl Fn(SourceId) -> Duration,
+        refute: &mut impl FnMut(SourceId, P),
         now: Monotonic,
     ) {
         self.follow(state, now);
-        let speed = state.read(P::GroundSpeed, now).ok();
-        let lateral = state.read(P::LateralAcceleration, now);
-        let felt = lateral.unwrap_or(0.0);
-        let apart_degrees = if lateral.is_ok() {
-            TURNING_DEGREES
-        } else {
-            BLIND_DEGREES
-        };
+        let fast = |p| state.read(p, now).ok().filter(|speed| *speed >= SPEED_MIN);
+        let lateral = state.read(P::LateralAcceleration, now).ok();
         for &source in sources {
+            let stands = standing(source) >= WINDOW;
             let turn = self.turn_radps().or_else(|| {
-                let mut others = sources.iter().filter(|other| **other != source);
+                // A roll that stands has another sensor beside it; one that says level may have none at all.
+                let mut others = sources.iter().filter(|other| stands || **other != source);
                 others.find_map(|other| {
                     let turn = said(*other, P::TurnRate);
                     turn.or_else(|_| said(*other, P::YawRate)).ok()
                 })
             });
+            let airspeed = || fast(P::TrueAirspeed).or_else(|| fast(P::IndicatedAirspeed));
+            let speed = match state.read(P::GroundSpeed, now) {
+                Ok(_) => fast(P::GroundSpeed),
+                Err(_) if stands => airspeed(),
+                Err(_) => None,
+            };
+            let path = speed
+                .zip(turn)
+                .map(|(speed, turn)| speed * turn / STANDARD_GRAVITY_MPS2);
             let evidence = match said(source, P::Roll) {
-                Ok(roll) if roll.abs().to_degrees() >= LEVEL_DEGREES => match (speed, turn) {
-                    (Some(speed), Some(turn))
-                        if speed >= SPEED_MIN && standing(source) >= WINDOW =>
-                    {
-                        let bank = (speed * turn / STANDARD_GRAVITY_MPS2 - felt).atan();
-                        if (bank - roll).abs().to_degrees() > apart_degrees {
-                            Evidence::For
-                        } else {
-                            Evidence::Against
-                        }
-                    }
-                    _ => Evidence::Against,
-                },
-                Ok(_) => match (speed, turn) {
-                    (Some(speed), Some(turn)) if speed >= SPEED_MIN => {
-                        let sideways = speed * turn / STANDARD_GRAVITY_MPS2 - felt;
-                        let turning = sideways.abs() > TURNING_DEGREES.to_radians().tan();
-                        if turning {
-                            Evidence::For
-                        } else {
-                            Evidence::Between
-                        }
-                    }
-                    _ => Evidence::Between,
-                },
+                Ok(roll) => judged(roll, stands, path, lateral),
                 Err(_) => Evidence::Between,
             };
-            let i = usize::from(source.0);
-            self.contradicted[i] = self.latches[i].step(evidence, LASTING, now);
+            if self.latches[usize::from(source.0)].step(evidence, LASTING, now) {
+                refute(source, P::Pitch);
+                refute(source, P::Roll);
+            }
         }
     }
 
@@ -150,6 +129,36 @@ impl CrossCheck {
             .map(|((_, a), (_, b))| shortest_turn(Radians(*a), Radians(*b)).0)
             .sum();
         Some(turned / dt.as_secs_f64())
+    }
+}
+
+/// What a roll is worth beside `path`, the acceleration across it, and `lateral`, what of that is felt, both in g.
+fn judged(roll: f64, stands: bool, path: Option<f64>, lateral: Option<f64>) -> Evidence {
+    let sideways = path.map(|path| path - lateral.unwrap_or(0.0));
+    let is_level = roll.abs().to_degrees() < LEVEL_DEGREES;
+    match sideways {
+        None if is_level => Evidence::Between,
+        Some(sideways) if is_level => {
+            if sideways.abs() > TURNING_DEGREES.to_radians().tan() {
+                Evidence::For
+            } else {
+                Evidence::Between
+            }
+        }
+        Some(sideways) if stands => {
+            let apart_degrees = if lateral.is_some() {
+                TURNING_DEGREES
+            } else {
+                BLIND_DEGREES
+            };
+            if (sideways.atan() - roll).abs().to_degrees() > apart_degrees {
+                Evidence::For
+            } else {
+                // It may pass by where it stands: only moving clears it.
+                Evidence::Between
+            }
+        }
+        _ => Evidence::Against,
     }
 }
 

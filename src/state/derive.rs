@@ -290,6 +290,13 @@ fn height_above_ground(inputs: &Inputs<'_>) -> Answer {
     Err(missing(P::HeightAgl, Invalid::NeverReceived))
 }
 
+/// The wind that follows from how the aircraft moves through the air and over the ground: speed, m/s, and the direction from
+/// true north that it comes from, rad; whatever any source says of it.
+pub(super) fn wind_now(state: &FlightState, now: Monotonic) -> Option<(f64, f64)> {
+    let (speed, from, _) = wind(&Inputs { state, now }).ok()?;
+    Some((speed, from))
+}
+
 /// Speed, direction it comes from, and time.
 fn wind(inputs: &Inputs<'_>) -> Result<(f64, f64, Monotonic), Missing> {
     let through = |p: P| {

@@ -21,6 +21,8 @@
 //! | the clock of a receiver, having ticked before: where it is and how it moves, in the air and on the ground | 3 s | 1 s |
 //! | a calm parameter alone | when others show that it must have changed: `witness` | |
 //! | attitude in whole degrees | when the turn does not belong to its bank: `crosscheck` | |
+//! | a receiver's ground speed, track | when its positions go another way: `motion` | |
+//! | wind, barometric setting | when they contradict what they belong to: `relation` | |
 //!
 //! With a whole source stands whatever else of it stands. All but the clock need three repeats as well, so that a slow source takes longer. The first new value ends it at once; of a
 //! whole source, for what has been said again since.
@@ -53,6 +55,8 @@ pub const LOOP_STILL: Duration = Duration::from_secs(6);
 pub const NOISY_STILL: Duration = Duration::from_secs(4);
 /// How long a fine parameter repeats.
 pub const FINE_STILL: Duration = Duration::from_secs(10);
+/// What has been said within this time, or its greatest age, still stands: the slowest sources speak once a second.
+pub(super) const LATELY: Duration = Duration::from_millis(2500);
 /// How often at least.
 const REPEATS_MIN: u32 = 3;
 /// Noise is looked for over this time of flight,
@@ -107,6 +111,21 @@ const fn nature(parameter: P) -> Nature {
     }
 }
 
+/// Whether a parameter that goes round in at most three values stands, for witnesses: several messages say it, rounded
+/// differently.
+const fn goes_round(parameter: P) -> bool {
+    matches!(
+        parameter,
+        P::HeadingTrue
+            | P::HeadingMagnetic
+            | P::PressureAltitude
+            | P::BaroAltitude
+            | P::VerticalSpeed
+            | P::AltitudeMsl
+            | P::HeightEllipsoid
+    )
+}
+
 /// Steps smaller than this are fine: a thousandth of what the parameter usually spans in a light aircraft.
 const fn fine_step(parameter: P) -> f64 {
     match parameter {
@@ -137,6 +156,7 @@ struct Trace {
     /// messages, rounded differently, goes round in such a loop when it stands still.
     before: [f64; 2],
     loop_since: Option<Monotonic>,
+    loop_values: u32,
     /// The smallest step so far; zero before the first.
     step: f64,
     rising: bool,
@@ -154,14 +174,18 @@ impl Trace {
     fn see(&mut self, value: f64, at: Monotonic) {
         self.last = Some(at);
         self.values = self.values.saturating_add(1);
+        self.loop_values = self.loop_values.saturating_add(1);
         if self.since.is_some() && value.to_bits() == self.value.to_bits() {
             self.repeats = self.repeats.saturating_add(1);
             self.repeated = self.repeated.saturating_add(1);
             return;
         }
         let is_known = self.before.iter().any(|x| x.to_bits() == value.to_bits());
-        if self.since.is_none() || !is_known {
+        let stood = self.since.and_then(|since| at.since(since));
+        // What stands for long before it changes does not go round.
+        if !is_known || stood.is_none_or(|d| d > LATELY) {
             self.loop_since = Some(at);
+            self.loop_values = 0;
         }
         if !is_known {
             self.before[1] = self.before[0];
@@ -335,21 +359,32 @@ impl Stillness {
             && stood.is_some_and(|d| d >= CLOCK_STILL)
     }
 
-    /// When the present value of a parameter was first said.
+    /// Since when a parameter stands, as [`Stillness::standing`] has it.
     pub(super) fn since(&self, p: P) -> Option<Monotonic> {
-        self.traces[p.index()].since
+        let trace = &self.traces[p.index()];
+        if goes_round(p) {
+            trace.since.and(trace.loop_since)
+        } else {
+            trace.since
+        }
     }
 
-    /// The value of a parameter, if it repeats and is fresh.
+    /// The value of a parameter, if it stands and has been said lately.
     pub(super) fn standing(&self, p: P, now: Monotonic) -> Option<Standing> {
         let trace = &self.traces[p.index()];
-        let since = trace
-            .since
-            .filter(|_| trace.repeats > 0 && self.is_fresh(p, now))?;
+        let repeats = if goes_round(p) {
+            trace.loop_values
+        } else {
+            trace.repeats
+        };
+        let age = trace.last.and_then(|at| now.since(at))?;
+        let is_recent = age <= p.spec().age_max.max(LATELY);
+        let since = self.since(p).filter(|_| repeats > 0 && is_recent)?;
         Some(Standing {
             value: trace.value,
             since,
-            repeats: trace.repeats,
+            repeats,
+            step: trace.step,
         })
     }
 

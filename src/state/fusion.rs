@@ -5,7 +5,8 @@
 //! (failed before out of range before silent), so that the pilot learns that a sensor has failed rather than that another
 //! was never fitted.
 //!
-//! A good value is no longer one when its sensor has stopped (`frozen`), when it has jumped (`jump`) or other sensors refute it (`crosscheck`). A value
+//! A good value is no longer one when its sensor has stopped (`frozen`, `witness`), when it has jumped (`jump`) or others refute
+//! it (`crosscheck`, `motion`, `relation`). A value
 //! that is not from the most trusted source that has been heard of says so ([`FlightState::fallback`]). What is shown is
 //! compared with the other sources (`compare`), and what follows from it is worked out (`derive`).
 //!
@@ -19,8 +20,10 @@ use super::bounds::Bounds;
 use super::compare::Comparator;
 use super::crosscheck::CrossCheck;
 use super::derive::Deriver;
-use super::frozen::{FLYING_MPS, Stillness};
+use super::frozen::{FLYING_MPS, LATELY, Stillness};
 use super::jump::Jumps;
+use super::motion::Motions;
+use super::relation::Relations;
 use super::traffic::{FEED_AGE_MAX, Feed, Skies};
 use super::witness::Witnesses;
 use crate::limits::SOURCES_MAX;
@@ -30,6 +33,11 @@ use crate::time::Monotonic;
 use arrayvec::ArrayVec;
 use std::time::Duration;
 
+/// Beyond this bank and pitch aerobatics are flown, rad, and for so long after.
+const WILD_BANK: f64 = 1.05;
+const WILD_PITCH: f64 = 0.7;
+const WILD_LASTS: Duration = Duration::from_secs(5);
+
 /// What every source last said, the order in which they are believed, and what is to be thought of it.
 #[derive(Clone, Debug)]
 pub struct Fusion {
@@ -37,6 +45,8 @@ pub struct Fusion {
     unknown_sources: u64,
     flying_since: Option<Monotonic>,
     crosscheck: CrossCheck,
+    motions: Motions,
+    relations: Relations,
     comparator: Comparator,
     deriver: Deriver,
     skies: Skies,
@@ -60,14 +70,17 @@ impl Fusion {
                 said: vec![[Sampled::never(); Parameter::COUNT]; SOURCES_MAX],
                 stillness: vec![Stillness::new(); SOURCES_MAX],
                 jumps: vec![Jumps::new(); SOURCES_MAX],
-                contradicted: [false; SOURCES_MAX],
+                refuted: vec![[false; Parameter::COUNT]; SOURCES_MAX],
                 witnesses: Witnesses::new(),
                 last: [None; SOURCES_MAX],
                 tells_traffic: [false; SOURCES_MAX],
+                wild_at: None,
             },
             unknown_sources: 0,
             flying_since: None,
             crosscheck: CrossCheck::new(),
+            motions: Motions::new(),
+            relations: Relations::default(),
             comparator: Comparator::default(),
             deriver: Deriver::new(),
             skies: Skies::new(),
@@ -115,10 +128,11 @@ impl Fusion {
             *slot = Sampled::from_result(signal.value, signal.at);
             if let Ok(value) = signal.value {
                 // After standing still it may be anywhere.
-                if self.heard.stillness[source].is_frozen(signal.parameter) {
+                if self.heard.stands_still(source, signal.parameter) {
                     self.heard.jumps[source].forget(signal.parameter);
                 }
-                self.heard.jumps[source].see(signal.parameter, value, signal.at);
+                let wild = self.heard.is_wild(signal.at);
+                self.heard.jumps[source].see(signal.parameter, value, signal.at, wild);
             }
             // A message that its source doubts, beside another that it does not, says nothing of either.
             if signal.value != Err(Invalid::Doubtful) {
@@ -155,12 +169,43 @@ impl Fusion {
         state.bounds = self.bounds;
         // What is refuted now is taken away with the next picture.
         heard.watch(&state, self.flying_since.is_some(), now);
-        let said = |s, p| heard.believed(s, p).read(now, p.spec().age_max);
-        let standing = |s: SourceId| heard.stands(s, Parameter::Roll, now);
-        self.crosscheck
-            .step(&heard.order, &state, said, standing, now);
-        heard.contradicted = self.crosscheck.contradicted();
+        let beyond = |p, max: f64| state.read(p, now).is_ok_and(|angle| angle.abs() > max);
+        if beyond(Parameter::Roll, WILD_BANK) || beyond(Parameter::Pitch, WILD_PITCH) {
+            heard.wild_at = Some(now);
+        }
+        self.refute(&state, now);
         state
+    }
+
+    /// Holds what every source says against everything else; what does not belong to it is not shown in the next picture.
+    fn refute(&mut self, state: &FlightState, now: Monotonic) {
+        let heard = &mut self.heard;
+        let mut refuted = std::mem::take(&mut heard.refuted);
+        refuted.fill([false; Parameter::COUNT]);
+        let mut refute = |s: SourceId, p: Parameter| {
+            if let Some(of_source) = refuted.get_mut(usize::from(s.0)) {
+                of_source[p.index()] = true;
+            }
+        };
+        let order = &heard.order;
+        let said = |s, p: Parameter| heard.believed(s, p).read(now, p.spec().age_max);
+        let stands = |s, p| heard.stands(s, p, now);
+        self.crosscheck.step(
+            order,
+            state,
+            said,
+            |s| stands(s, Parameter::Roll),
+            &mut refute,
+            now,
+        );
+        self.relations.step(order, state, said, &mut refute, now);
+        let moment = |s, p: Parameter| {
+            let last = heard.believed(s, p);
+            let value = last.read(now, p.spec().age_max.max(LATELY)).ok()?;
+            Some((value, last.at()?))
+        };
+        self.motions.step(order, moment, stands, &mut refute, now);
+        heard.refuted = refuted;
     }
 }
 
@@ -171,13 +216,15 @@ struct Heard {
     said: Vec<[Sampled<f64>; Parameter::COUNT]>,
     stillness: Vec<Stillness>,
     jumps: Vec<Jumps>,
-    /// Sources whose attitude is refuted.
-    contradicted: [bool; SOURCES_MAX],
+    /// What others refute.
+    refuted: Vec<[bool; Parameter::COUNT]>,
     /// Calm values that stand still while others move.
     witnesses: Witnesses,
     /// When each source last said anything.
     last: [Option<Monotonic>; SOURCES_MAX],
     tells_traffic: [bool; SOURCES_MAX],
+    /// When the attitude shown was last beyond what is flown but in aerobatics.
+    wild_at: Option<Monotonic>,
 }
 
 impl Sink for Fusion {
@@ -199,6 +246,12 @@ impl Sink for Fusion {
 }
 
 impl Heard {
+    /// Whether aerobatics have been flown of late.
+    fn is_wild(&self, now: Monotonic) -> bool {
+        let ago = self.wild_at.and_then(|at| now.since(at));
+        ago.is_some_and(|ago| ago <= WILD_LASTS)
+    }
+
     /// Whether the aircraft flies: by its ground speed, or without one by its airspeed.
     fn is_flying(&self, now: Monotonic) -> bool {
         let fastest = |parameters: &[Parameter]| {
@@ -284,26 +337,31 @@ impl Heard {
 
     /// What a source last said, or what is wrong with it.
     fn last(&self, source: SourceId, parameter: Parameter) -> Sampled<f64> {
-        let contradicted = self.contradicted[usize::from(source.0)]
-            && matches!(parameter, Parameter::Pitch | Parameter::Roll);
         let last = self.believed(source, parameter);
-        if contradicted {
+        if self.refuted[usize::from(source.0)][parameter.index()] {
             refuted(last, Invalid::Implausible)
         } else {
             last
         }
     }
 
+    /// Whether a value of the source of this number was found to stand still, by itself or by witnesses.
+    fn stands_still(&self, index: usize, parameter: Parameter) -> bool {
+        let stillness = &self.stillness[index];
+        let id = SourceId(u8::try_from(index).unwrap_or(u8::MAX));
+        stillness.is_frozen(parameter)
+            || stillness
+                .since(parameter)
+                .is_some_and(|t| self.witnesses.is_frozen(id, parameter, t))
+    }
+
     /// What a source last said, if its sensor has neither stopped nor jumped.
     fn believed(&self, source: SourceId, parameter: Parameter) -> Sampled<f64> {
         let index = usize::from(source.0);
-        let since = self.stillness[index].since(parameter);
-        let stopped = since.is_some_and(|t| self.witnesses.is_frozen(source, parameter, t));
-        let source = index;
-        let last = self.said[source][parameter.index()];
-        if stopped || self.stillness[source].is_frozen(parameter) {
+        let last = self.said[index][parameter.index()];
+        if self.stands_still(index, parameter) {
             refuted(last, Invalid::Frozen)
-        } else if self.jumps[source].has_jumped(parameter) {
+        } else if self.jumps[index].has_jumped(parameter) {
             refuted(last, Invalid::Implausible)
         } else {
             last
@@ -365,182 +423,4 @@ const fn tells(reason: Option<Invalid>) -> u8 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const A: SourceId = SourceId(0);
-    const B: SourceId = SourceId(5);
-
-    fn ms(t: u64) -> Monotonic {
-        Monotonic::from_nanos(t * 1_000_000)
-    }
-
-    fn say(
-        fusion: &mut Fusion,
-        source: SourceId,
-        parameter: Parameter,
-        value: Result<f64, Invalid>,
-        t: u64,
-    ) {
-        fusion.apply(&Signal {
-            at: ms(t),
-            source,
-            parameter,
-            value,
-        });
-    }
-
-    /// What is shown of a parameter, and whose it is.
-    fn shown(
-        fusion: &mut Fusion,
-        parameter: Parameter,
-        t: u64,
-    ) -> (Result<f64, Invalid>, Option<SourceId>) {
-        let state = fusion.step(ms(t));
-        (state.read(parameter, ms(t)), state.source(parameter))
-    }
-
-    #[test]
-    fn attitude_goes_invalid_when_frames_stop_and_comes_back_with_them() {
-        let mut f = Fusion::new(&[A]);
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 0),
-            (Err(Invalid::NeverReceived), None)
-        );
-        for t in [1000, 1020, 1040] {
-            say(&mut f, A, Parameter::Pitch, Ok(0.1), t);
-        }
-        assert_eq!(shown(&mut f, Parameter::Pitch, 1340), (Ok(0.1), Some(A)));
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 1341),
-            (Err(Invalid::Stale), Some(A))
-        );
-        say(&mut f, A, Parameter::Pitch, Ok(0.2), 5000);
-        assert_eq!(shown(&mut f, Parameter::Pitch, 5000), (Ok(0.2), Some(A)));
-    }
-
-    #[test]
-    fn a_failure_shows_as_one_until_a_good_value_or_silence() {
-        let mut f = Fusion::new(&[A]);
-        say(&mut f, A, Parameter::Roll, Ok(0.1), 1000);
-        say(&mut f, A, Parameter::Roll, Err(Invalid::SourceFailed), 1020);
-        assert_eq!(
-            shown(&mut f, Parameter::Roll, 1021),
-            (Err(Invalid::SourceFailed), Some(A)),
-            "the last good value is gone"
-        );
-        assert_eq!(
-            shown(&mut f, Parameter::Roll, 1400).0,
-            Err(Invalid::Stale),
-            "then silence"
-        );
-        say(&mut f, A, Parameter::Roll, Ok(0.3), 1500);
-        assert_eq!(shown(&mut f, Parameter::Roll, 1500).0, Ok(0.3));
-    }
-
-    #[test]
-    fn the_most_trusted_good_source_is_taken_and_taken_back() {
-        let mut f = Fusion::new(&[B, A]);
-        say(&mut f, A, Parameter::Pitch, Ok(0.1), 1000);
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 1000),
-            (Ok(0.1), Some(A)),
-            "the only one"
-        );
-        say(&mut f, B, Parameter::Pitch, Ok(0.2), 1010);
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 1010),
-            (Ok(0.2), Some(B)),
-            "trusted more"
-        );
-        say(&mut f, B, Parameter::Pitch, Err(Invalid::OutOfRange), 1020);
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 1020),
-            (Ok(0.1), Some(A)),
-            "fail-over"
-        );
-        say(&mut f, B, Parameter::Pitch, Ok(0.21), 1030);
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 1030),
-            (Ok(0.21), Some(B)),
-            "back again"
-        );
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 1331).0,
-            Err(Invalid::Stale),
-            "both silent"
-        );
-    }
-
-    #[test]
-    fn with_no_good_source_the_most_telling_reason_stands() {
-        let mut f = Fusion::new(&[A, B]);
-        say(&mut f, A, Parameter::Pitch, Ok(0.1), 500);
-        say(
-            &mut f,
-            B,
-            Parameter::Pitch,
-            Err(Invalid::SourceFailed),
-            1000,
-        );
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 1000),
-            (Err(Invalid::SourceFailed), Some(B))
-        );
-        assert_eq!(
-            shown(&mut f, Parameter::Pitch, 2000),
-            (Err(Invalid::Stale), Some(A)),
-            "equals: the trusted"
-        );
-    }
-
-    #[test]
-    fn a_position_is_never_put_together_from_two_sources() {
-        let mut f = Fusion::new(&[A, B]);
-        say(&mut f, A, Parameter::Latitude, Ok(0.5), 1000);
-        say(&mut f, B, Parameter::Latitude, Ok(0.6), 1000);
-        say(&mut f, B, Parameter::Longitude, Ok(0.7), 1000);
-        for (p, x) in [(Parameter::Latitude, 0.6), (Parameter::Longitude, 0.7)] {
-            assert_eq!(shown(&mut f, p, 1000), (Ok(x), Some(B)), "A has only half");
-        }
-        say(&mut f, A, Parameter::Longitude, Ok(0.8), 1010);
-        for (p, x) in [(Parameter::Latitude, 0.5), (Parameter::Longitude, 0.8)] {
-            assert_eq!(shown(&mut f, p, 1010), (Ok(x), Some(A)), "A has both");
-        }
-        say(
-            &mut f,
-            A,
-            Parameter::Latitude,
-            Err(Invalid::SourceFailed),
-            1020,
-        );
-        for (p, x) in [(Parameter::Latitude, 0.6), (Parameter::Longitude, 0.7)] {
-            assert_eq!(shown(&mut f, p, 1020), (Ok(x), Some(B)), "A has lost half");
-        }
-        // With neither whole, both halves still name the same source.
-        let state = f.step(ms(2005));
-        assert_eq!(
-            state.source(Parameter::Latitude),
-            state.source(Parameter::Longitude)
-        );
-    }
-
-    #[test]
-    fn old_news_and_strangers_change_nothing() {
-        let mut f = Fusion::new(&[A, A]);
-        say(&mut f, A, Parameter::Pitch, Ok(0.1), 1000);
-        say(&mut f, A, Parameter::Pitch, Ok(0.9), 999);
-        say(&mut f, B, Parameter::Pitch, Ok(0.9), 1001);
-        say(&mut f, SourceId(200), Parameter::Pitch, Ok(0.9), 1001);
-        assert_eq!(shown(&mut f, Parameter::Pitch, 1001), (Ok(0.1), Some(A)));
-        assert_eq!(f.unknown_sources(), 2);
-    }
-
-    #[test]
-    fn a_value_from_the_future_is_not_shown() {
-        let mut f = Fusion::new(&[A, B]);
-        say(&mut f, A, Parameter::Pitch, Ok(0.1), 2000);
-        say(&mut f, B, Parameter::Pitch, Ok(0.2), 1000);
-        assert_eq!(shown(&mut f, Parameter::Pitch, 1000), (Ok(0.2), Some(B)));
-    }
-}
+mod tests;

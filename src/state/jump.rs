@@ -19,8 +19,11 @@
 //! A step within its reach is never found: this bounds by how much a single damaged frame without a checksum can mislead.
 //!
 //! Not judged: what a pilot or an engine may change in an instant (bugs, engine, fuel), counts and dates, headings
-//! and turn rate above 60 degrees of pitch, headings and track below 15 m/s, the direction of the wind, which its estimators
-//! turn as they learn, longitude within 6 km of a pole. Roll is judged by how far it
+//! and turn rate above 60 degrees of pitch, headings and track below 15 m/s, longitude within 6 km of a
+//! pole, track in aerobatics. In aerobatics (the attitude that is shown has been beyond 60 degrees of bank or 40 of pitch in
+//! the last 5 s: a receiver that speaks once a second sees little else of a looping) vertical and ground speed may change by six
+//! g at once. The direction of the wind is judged by how far the wind moves as a vector: its estimators turn a breeze about as they
+//! learn (by 152 degrees at 8 kt, recorded). Roll is judged by how far it
 //! turns the horizon, so that a looping, in which it changes by half a turn at the top, is none.
 
 use crate::signal::Parameter as P;
@@ -33,6 +36,8 @@ pub const RECOVERY: Duration = Duration::from_secs(10);
 
 /// Steeper than this, heading and turn rate say little, rad.
 const STEEP: f64 = 1.05;
+/// What a looping of six g makes of vertical and ground speed within a second, m/s2.
+const WILD_MPS2: f64 = 60.0;
 /// Slower than this, the track is noise, m/s.
 const TRACK_MPS_MIN: f64 = 15.0;
 /// The greatest acceleration across the path over a second, m/s2: two and a half times that of gravity, a bank of 69 degrees.
@@ -84,7 +89,8 @@ const fn limits(parameter: P) -> Option<Agility> {
         P::GroundSpeed => agility(10.0, 25.0, 40.0),
         P::Latitude | P::Longitude => agility(200.0 / EARTH_M, 700.0 / EARTH_M, 1.0),
         P::StaticAirTemperature | P::TotalAirTemperature => agility(8.0, 1.5, 10.0),
-        P::WindSpeed => agility(10.0, 3.0, 10.0),
+        // Of a direction too, in m/s.
+        P::WindSpeed | P::WindDirectionTrue | P::WindDirectionMagnetic => agility(10.0, 3.0, 10.0),
         // A new setting, far from the last, is doubted for a while.
         P::BaroSetting => agility(15.0, 15.0, 100.0),
         P::StaticPressure => agility(20.0, 20.0, 20.0),
@@ -101,11 +107,16 @@ const fn turns(parameter: P) -> bool {
     )
 }
 
+/// Whether it is the direction of a wind.
+const fn is_of_wind(parameter: P) -> bool {
+    matches!(parameter, P::WindDirectionTrue | P::WindDirectionMagnetic)
+}
+
 /// By how much two successive values of a parameter that come so far apart may differ at most before the second is doubted,
-/// in the parameter's unit; `None` for what is not judged.
+/// in the parameter's unit; `None` for what is not judged, or not in that unit (the direction of the wind).
 #[must_use]
 pub fn reach_max(parameter: P, apart: Duration) -> Option<f64> {
-    let agility = limits(parameter)?;
+    let agility = limits(parameter).filter(|_| !is_of_wind(parameter))?;
     let step = agility.slack + agility.rate * apart.as_secs_f64();
     Some(if parameter == P::Longitude {
         step * 10.0
@@ -214,8 +225,8 @@ impl Jumps {
         }
     }
 
-    /// A value has come.
-    pub(super) fn see(&mut self, parameter: P, value: f64, at: Monotonic) {
+    /// A value has come; `wild` while the aircraft flies aerobatics.
+    pub(super) fn see(&mut self, parameter: P, value: f64, at: Monotonic, wild: bool) {
         let Some(mut agility) = limits(parameter) else {
             return;
         };
@@ -231,14 +242,19 @@ impl Jumps {
             }
             P::Track | P::TrackMagnetic => {
                 let speed = last(P::GroundSpeed).unwrap_or(TRACK_MPS_MIN);
-                is_judged = speed >= TRACK_MPS_MIN;
+                is_judged = speed >= TRACK_MPS_MIN && !wild;
                 agility.rate = TURN_ACCELERATION_MAX / speed;
             }
             P::Longitude => {
                 scale = last(P::Latitude).unwrap_or(0.0).cos();
                 is_judged = scale > 0.001;
             }
+            P::VerticalSpeed | P::TotalEnergyVerticalSpeed | P::GroundSpeed if wild => {
+                // Six g, in any direction, from one value to the next.
+                (agility.rate, agility.acceleration) = (WILD_MPS2, WILD_MPS2 * 10.0);
+            }
             P::Roll => scale = pitch.cos(),
+            _ if is_of_wind(parameter) => scale = last(P::WindSpeed).unwrap_or(0.0),
             _ => {}
         }
         let trace = &mut self.traces[parameter.index()];
@@ -256,7 +272,9 @@ impl Jumps {
             } else {
                 (b - a).abs()
             };
-            if parameter == P::Roll {
+            if is_of_wind(parameter) {
+                2.0 * ((b - a) * 0.5).sin().abs() * scale
+            } else if parameter == P::Roll {
                 // The angle between the two directions of down, as the aircraft sees them.
                 2.0 * ((step * 0.5).sin() * scale).abs().min(1.0).asin()
             } else {
@@ -291,7 +309,7 @@ mod tests {
         let mut doubted = Vec::new();
         for value in values {
             t += every_ms;
-            jumps.see(parameter, *value, ms(t));
+            jumps.see(parameter, *value, ms(t), false);
             doubted.push(jumps.has_jumped(parameter));
         }
         doubted
@@ -351,9 +369,14 @@ mod tests {
             let over = turned.cos() < 0.0;
             let pitch = turned.sin().asin();
             let at = ms(1000 + u64::from(n) * 50);
-            jumps.see(P::Pitch, pitch, at);
-            jumps.see(P::Roll, if over { 3.1 } else { 0.0 }, at);
-            jumps.see(P::HeadingTrue, if over { 4.0 } else { 4.0 - TAU / 2.0 }, at);
+            jumps.see(P::Pitch, pitch, at, false);
+            jumps.see(P::Roll, if over { 3.1 } else { 0.0 }, at, false);
+            jumps.see(
+                P::HeadingTrue,
+                if over { 4.0 } else { 4.0 - TAU / 2.0 },
+                at,
+                false,
+            );
             for p in [P::Pitch, P::Roll, P::HeadingTrue] {
                 assert!(!jumps.has_jumped(p), "{p:?} at {n}");
             }
@@ -372,8 +395,26 @@ mod tests {
         // Ten values a second, a degree apart, of which some wait for the next.
         for n in 0..50_u32 {
             let late = u64::from(n).div_ceil(3) * 300;
-            jumps.see(P::Roll, f64::from(n) * 0.05 - 1.0, ms(1000 + late));
+            jumps.see(P::Roll, f64::from(n) * 0.05 - 1.0, ms(1000 + late), false);
             assert!(!jumps.has_jumped(P::Roll), "{n}");
+        }
+    }
+
+    #[test]
+    fn a_looping_seen_once_a_second_is_no_jump_of_a_receiver() {
+        // 70 m/s round a circle in 8 s: what climbs, what is left over the ground, and the track that turns about at the top.
+        let mut jumps = Jumps::new();
+        for n in 0..40_u32 {
+            let (up, along) = (f64::from(n) * TAU / 8.0 + 0.3).sin_cos();
+            let at = ms(1000 + u64::from(n) * 1000);
+            for (p, value) in [
+                (P::VerticalSpeed, 70.0 * up),
+                (P::GroundSpeed, 70.0 * along.abs()),
+                (P::Track, if along < 0.0 { 4.0 } else { 4.0 - TAU / 2.0 }),
+            ] {
+                jumps.see(p, value, at, true);
+                assert!(!jumps.has_jumped(p), "{p:?} at {n}");
+            }
         }
     }
 }

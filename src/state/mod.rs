@@ -10,6 +10,8 @@ pub mod fusion;
 pub mod jump;
 mod latch;
 pub mod magnetic;
+mod motion;
+pub mod relation;
 pub mod snapshot;
 pub mod traffic;
 mod trail;

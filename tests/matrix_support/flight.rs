@@ -1,4 +1,5 @@
-//! The flight: gentle turns and climbs over Puget Sound, coordinated, in wind, with the noise that sensors have.
+//! The flight: turns, speeds and a long climb over Puget Sound, coordinated, in a wind that freshens and veers, with the noise
+//! that sensors have. Whatever can move does: what stands still there is wrong before long.
 
 use glasswing::bench::Truth;
 use glasswing::signal::Parameter::{self, *};
@@ -7,12 +8,25 @@ use std::time::Duration;
 
 const STEP_MS: u64 = 10;
 /// As long as the longest trial.
-const SECONDS: u64 = 40;
+const SECONDS: u64 = 130;
 
 /// North of true north is magnetic north there, by the World Magnetic Model.
 const VARIATION: f64 = 15.2 * TAU / 360.0;
-/// Of 6 m/s from 240 degrees.
-const WIND: (f64, f64) = (6.0, 240.0 * TAU / 360.0);
+/// The wind: 26 m/s from 240 degrees at first, a knot more every three seconds, half a degree to the right every second.
+fn wind(t: f64) -> (f64, f64) {
+    (26.0 + 0.17 * t, (240.0 + 0.5 * t).to_radians())
+}
+
+/// The setting of the altimeter, hPa; its knob is turned once.
+fn setting(t: f64) -> f64 {
+    if t < 25.0 { 1018.0 } else { 1003.0 }
+}
+
+/// What an altimeter shows at a setting above what it shows at 1013.25 hPa, m: the US National Weather Service's formula of
+/// pressure altitude.
+fn set_to(setting_hpa: f64) -> f64 {
+    -(1.0 - (setting_hpa / 1013.25).powf(0.190_284)) * 145_366.45 * 0.3048
+}
 
 type Moment = [f64; Parameter::COUNT];
 
@@ -69,22 +83,41 @@ const RECEIVER: [(Parameter, f64); 6] = [
     (UtcDate, 20_779.0),
 ];
 
+/// What no instrument of the six shows.
+fn rest(t: f64, height: f64, roll: f64, turn: f64, set: &mut impl FnMut(Parameter, f64)) {
+    // The hypsometric formula of the standard atmosphere, its numbers rounded.
+    set(
+        StaticPressure,
+        1013.25 * (1.0 - height / 44_330.8).powf(5.255_9),
+    );
+    set(RollRate, 0.105 * (0.35 * t).cos());
+    set(PitchRate, turn * roll.sin());
+    set(YawRate, turn * roll.cos());
+    set(NormalAcceleration, 1.0 / roll.cos());
+    for (p, x) in RECEIVER {
+        set(p, x);
+    }
+    set(UtcTimeOfDay, 43_200.0 + t);
+    set(EngineSpeed, 2400.0 + 20.0 * t.sin());
+}
+
 impl Flight {
     pub(crate) fn new() -> Self {
-        let (mut heading, mut north, mut east, mut height) = (4.0_f64, 0.0, 0.0, 1500.0);
+        let (mut heading, mut north, mut east, mut height) = (1.0_f64, 0.0, 0.0, 1000.0);
         let mut moments = Vec::new();
         for n in 0..SECONDS * 1000 / STEP_MS {
             #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
             let t = (n * STEP_MS) as f64 / 1000.0;
             let dt = 0.01;
-            let airspeed = 60.0 + 4.0 * (0.5 * t).sin();
+            let airspeed = 66.0 + 3.0 * (0.5 * t).sin() + 9.0 * (0.1 * t).sin();
             let roll = 0.3 * (0.35 * t).sin() + 0.12;
             let turn = 9.806_65 * roll.tan() / airspeed;
-            let climb = 4.0 + 2.5 * (0.45 * t).sin();
+            let climb = 10.0 + 5.0 * (0.3 * t).sin();
             heading += turn * dt;
             height += climb * dt;
-            let speed_north = airspeed * heading.cos() - WIND.0 * WIND.1.cos();
-            let speed_east = airspeed * heading.sin() - WIND.0 * WIND.1.sin();
+            let (wind, from) = wind(t);
+            let speed_north = airspeed * heading.cos() - wind * from.cos();
+            let speed_east = airspeed * heading.sin() - wind * from.sin();
             north += speed_north * dt;
             east += speed_east * dt;
             let latitude = 47.5_f64.to_radians() + north / 6_366_000.0;
@@ -108,10 +141,10 @@ impl Flight {
             set(CalibratedAirspeed, airspeed - 4.0);
             set(TrueAirspeed, airspeed);
             set(PressureAltitude, height);
-            set(BaroAltitude, height + 40.0);
+            set(BaroAltitude, height + set_to(setting(t)));
             set(AltitudeMsl, height + 55.0);
             set(HeightEllipsoid, height + 35.0);
-            set(HeightAgl, height - 100.0);
+            set(HeightAgl, height - 300.0 - 40.0 * (0.05 * t).sin());
             set(DensityAltitude, height + 180.0);
             set(VerticalSpeed, climb);
             set(LateralAcceleration, 0.05 * (0.9 * t).sin());
@@ -123,20 +156,12 @@ impl Flight {
             set(Track, track);
             set(TrackMagnetic, track - VARIATION);
             set(MagneticVariation, VARIATION);
-            set(BaroSetting, 1018.0 + 0.1 * t);
-            set(StaticAirTemperature, 285.0 - 0.05 * t);
-            set(WindSpeed, WIND.0);
-            set(WindDirectionTrue, WIND.1);
-            set(WindDirectionMagnetic, WIND.1 - VARIATION);
-            set(RollRate, 0.105 * (0.35 * t).cos());
-            set(PitchRate, turn * roll.sin());
-            set(YawRate, turn * roll.cos());
-            set(NormalAcceleration, 1.0 / roll.cos());
-            for (p, x) in RECEIVER {
-                set(p, x);
-            }
-            set(UtcTimeOfDay, 43_200.0 + t);
-            set(EngineSpeed, 2400.0 + 20.0 * t.sin());
+            set(BaroSetting, setting(t));
+            set(StaticAirTemperature, 288.0 - 0.006_5 * height);
+            set(WindSpeed, wind);
+            set(WindDirectionTrue, from);
+            set(WindDirectionMagnetic, from - VARIATION);
+            rest(t, height, roll, turn, &mut set);
             moments.push(m);
         }
         Self { moments }

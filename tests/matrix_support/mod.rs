@@ -10,7 +10,7 @@ use glasswing::bench::{Bench, Truth, encode};
 use glasswing::proto::Protocol;
 use glasswing::sampled::Invalid;
 use glasswing::signal::{Frame, Parameter, Signal, SourceId};
-use glasswing::state::{FlightState, Fusion, frozen, jump};
+use glasswing::state::{FlightState, Fusion, frozen, jump, relation};
 use glasswing::time::Monotonic;
 use std::time::Duration;
 
@@ -82,7 +82,7 @@ pub(crate) const TROUBLES: [Trouble; 9] = [
     trouble("lost and back", Kind::Stop, true, 4, 8),
     trouble("stop", Kind::Stop, false, 4, 8),
     trouble("source frozen", Kind::Freeze, true, 13, 12),
-    trouble("sensor frozen", Kind::Freeze, false, 13, 15),
+    trouble("sensor frozen", Kind::Freeze, false, 13, 95),
     trouble("sentinel", Kind::Sentinel, false, 4, 3),
     trouble("NaN", Kind::Nan, false, 4, 3),
     trouble("out of range", Kind::OutOfRange, false, 4, 3),
@@ -94,6 +94,11 @@ pub(crate) const TROUBLES: [Trouble; 9] = [
 pub(crate) const REORDERING: Trouble = trouble("reordering", Kind::Reordering, true, 4, 10);
 
 impl Trouble {
+    /// Whether one sensor stops alone.
+    const fn is_lone_freeze(self) -> bool {
+        matches!(self.kind, Kind::Freeze) && !self.is_whole
+    }
+
     /// By when a value under this fault must be flagged.
     pub(crate) fn deadline(&self, parameter: Parameter) -> Duration {
         let age_max = parameter.spec().age_max;
@@ -135,18 +140,47 @@ fn at(t: Duration) -> Monotonic {
     Monotonic::from_nanos(1_000_000_000).plus(t)
 }
 
-/// What is known not to be found, and why: the limits of `state::frozen` and `state::jump`.
-fn limit(parameter: Parameter, trouble: Trouble) -> Option<&'static str> {
-    use Parameter::{IndicatedAirspeed, LateralAcceleration, Latitude, Longitude, Pitch};
-    use Parameter::{SlipBall, TurnRate, WindDirectionTrue};
-    match trouble.kind {
-        Kind::Freeze if !trouble.is_whole => match parameter {
-            Pitch | Latitude | Longitude | IndicatedAirspeed | TurnRate => None,
-            LateralAcceleration | SlipBall => None,
-            _ => Some("one calm or coarse sensor that stops alone looks as in smooth flight"),
-        },
-        Kind::Jump | Kind::BitFlips if parameter == WindDirectionTrue => {
-            Some("estimated wind may turn at once")
+/// By how much a sensor that stops alone may mislead before it is wrong, in the parameter's unit; None where not at all beyond
+/// what the protocol resolves. The calm ones: `state::witness` and `state::relation` say what is found. Of altitudes and
+/// headings that is half and less of what the comparators of certified displays allow (`state::compare`).
+fn misleads(parameter: Parameter, resolution: f64) -> Option<f64> {
+    use Parameter::{AltitudeMsl, BaroAltitude, BaroSetting, DensityAltitude, GroundSpeed};
+    use Parameter::{HeadingMagnetic, HeadingTrue, HeightAgl, HeightEllipsoid, PressureAltitude};
+    use Parameter::{StaticAirTemperature, Track, TrackMagnetic, TrueAirspeed, VerticalSpeed};
+    use Parameter::{WindDirectionTrue, WindSpeed};
+    Some(match parameter {
+        HeadingTrue | HeadingMagnetic | Track | TrackMagnetic => 0.175,
+        PressureAltitude | BaroAltitude | AltitudeMsl | HeightEllipsoid => 30.0,
+        DensityAltitude => 60.0,
+        HeightAgl => 60.0_f64.max(5.0 * resolution),
+        VerticalSpeed => 2.0,
+        GroundSpeed => 7.0,
+        TrueAirspeed => 4.0,
+        StaticAirTemperature => 2.0_f64.max(5.0 * resolution),
+        WindSpeed => relation::WIND_APART_MPS,
+        // As much of the weakest wind of the flight, 26 m/s, and what half a second adds.
+        WindDirectionTrue => relation::WIND_APART_MPS / 20.0,
+        BaroSetting => 7.5,
+        _ => return None,
+    })
+}
+
+/// What no single source can tell by itself, and why.
+fn limit(
+    parameter: Parameter,
+    trouble: Trouble,
+    encoder: &dyn encode::Encoder,
+) -> Option<&'static str> {
+    let carries = |p| encoder.carries(p).is_some();
+    if !trouble.is_lone_freeze() {
+        return None;
+    }
+    match parameter {
+        Parameter::BaroSetting if !carries(Parameter::BaroAltitude) => Some(
+            "a setting stands until its knob is turned, and only its own source knows the knob",
+        ),
+        Parameter::WindSpeed if !carries(Parameter::GroundSpeed) => {
+            Some("a wind may stand, and without a ground speed nothing says another")
         }
         _ => None,
     }
@@ -168,7 +202,13 @@ pub(crate) fn fly(
     parameters: &[Parameter],
 ) -> Vec<Cell> {
     let begin = Duration::from_secs(trouble.begin_s);
-    let end = begin + Duration::from_secs(trouble.lasts_s);
+    // A sensor that stops is followed until the slowest, temperature, is found; under emulation that takes too long.
+    let lasts_s = if crate::support::is_emulated() {
+        trouble.lasts_s.min(40)
+    } else {
+        trouble.lasts_s
+    };
+    let end = begin + Duration::from_secs(lasts_s);
     let fault = Fault {
         kind: trouble.kind,
         begin,
@@ -189,7 +229,10 @@ pub(crate) fn fly(
     let mut decoder = protocol.decoder();
     let mut fusion = Fusion::new(&[SourceId(0)]);
     // After many jumps a value may have to begin anew.
-    let calm = if trouble.kind == Kind::BitFlips {
+    let calm = if matches!(
+        trouble.kind,
+        Kind::BitFlips | Kind::Freeze | Kind::Reordering
+    ) {
         jump::RECOVERY
     } else {
         Duration::from_secs(2)
@@ -227,6 +270,8 @@ pub(crate) fn fly(
 struct Judge<'a> {
     flight: &'a Flight,
     tolerance: f64,
+    /// When the truth first left what the sensor went on saying.
+    left_at: Option<Duration>,
     was_shown: bool,
     cell: Cell,
 }
@@ -246,9 +291,13 @@ impl<'a> Judge<'a> {
             let apart = Duration::from_millis(500);
             tolerance += jump::reach_max(parameter, apart).unwrap_or(0.0);
         }
+        if trouble.is_lone_freeze() || parameter == Parameter::WindDirectionTrue {
+            tolerance = tolerance.max(misleads(parameter, resolution).unwrap_or(0.0));
+        }
         Self {
             flight,
             tolerance,
+            left_at: None,
             was_shown: false,
             cell: Cell {
                 parameter,
@@ -260,7 +309,7 @@ impl<'a> Judge<'a> {
                 back_after: None,
                 wrong: 0,
                 true_shown: 0,
-                limit: limit(parameter, trouble),
+                limit: limit(parameter, trouble, encoder),
                 worst: 0.0,
             },
         }
@@ -303,8 +352,13 @@ impl<'a> Judge<'a> {
         let off = self.flight.off(parameter, value, now, late) / tolerance;
         if off <= 1.0 {
             self.cell.true_shown += u32::from(now < end);
-        } else if now > begin + self.cell.trouble.deadline(parameter) + FRAME {
-            self.cell.wrong += 1;
+        } else {
+            // A calm sensor that has stopped is wrong from when the truth leaves it, the first time.
+            let left_at = *self.left_at.get_or_insert(now);
+            let is_calm = self.cell.trouble.is_lone_freeze() && misleads(parameter, 0.0).is_some();
+            let from = if is_calm { left_at } else { begin };
+            let is_late = now > from + self.cell.trouble.deadline(parameter) + FRAME;
+            self.cell.wrong += u32::from(is_late);
         }
         self.cell.worst = self.cell.worst.max(off);
     }

@@ -12,7 +12,7 @@ impl Cell {
     /// What the state said, in a word.
     pub(crate) fn verdict(&self) -> &'static str {
         match (self.wrong, self.after, self.said) {
-            (1.., ..) if self.limit.is_some() => "NOT FOUND",
+            (1.., ..) if self.limit.is_some() => "IMPOSSIBLE",
             (1.., ..) => "SHOWN AS GOOD",
             (0, Some(_), Some(reason)) => reason.name(),
             (0, Some(_), None) => "derived",
@@ -48,7 +48,7 @@ pub(crate) fn csv(cells: &[Cell]) -> String {
 pub(crate) fn markdown(cells: &[Cell]) -> String {
     let mut text = String::from(
         "# Fault matrix\n\nWhat the state said of each parameter, and after how many seconds. \"derived\": the value is worked \
-         out from others that are good. \"true values only\": what was shown was true within its greatest age. \"NOT FOUND\": a known limit, named in the CSV.\n",
+         out from others that are good. \"true values only\": what was shown was true within its greatest age. \"IMPOSSIBLE\": one source cannot tell, for the reason in the CSV.\n",
     );
     let names = TROUBLES.iter().map(|t| t.name).chain(["reordering"]);
     for fault in names {

@@ -136,7 +136,8 @@ fn a_height_that_stands_still_is_found_in_a_climb() {
         };
         let found = bench.fly(60, climbing, parameter);
         assert!(
-            found.is_some_and(|s| (17.0..=56.0).contains(&s)),
+            // Twelve seconds make 30 m of climb, eight 20 m of drift; a window may have begun before.
+            found.is_some_and(|s| (5.0..=28.0).contains(&s)),
             "{parameter:?}: {found:?}"
         );
     }
@@ -187,5 +188,61 @@ fn a_witness_that_jumps_is_none() {
             let state = bench.fusion.step(now);
             assert!(state.read(P::PressureAltitude, now).is_ok(), "jump {k}");
         }
+    }
+}
+
+#[test]
+fn of_two_that_stand_neither_is_believed() {
+    // A climb whose speed stands, which is right, and an altitude that has stopped: nobody can tell which of them has.
+    let mut bench = Bench::new();
+    let climbing = Flight {
+        climb: 3.0,
+        ..LEVEL
+    };
+    bench.fly(5, climbing, P::PressureAltitude);
+    bench.stick(P::PressureAltitude, 1000.0);
+    let found = bench.fly(60, climbing, P::VerticalSpeed);
+    assert!(found.is_some_and(|s| s <= 20.0), "{found:?}");
+    let now = Monotonic::from_nanos(bench.t_ms * 1_000_000);
+    let state = bench.fusion.step(now);
+    for p in [P::PressureAltitude, P::VerticalSpeed] {
+        assert_eq!(state.read(p, now), Err(Invalid::Frozen), "{p:?}");
+    }
+}
+
+#[test]
+fn a_temperature_that_stands_is_found_in_a_long_climb() {
+    for (step, most_s) in [(0.1_f64, 160.0), (1.0, 330.0)] {
+        let mut fusion = Fusion::new(&[A]);
+        let mut found = None;
+        for k in 0..4000_u32 {
+            let t = f64::from(k) * 0.1;
+            let at = Monotonic::from_nanos(1_000_000_000 + u64::from(k) * 100_000_000);
+            let height = 3.0 * t;
+            // It falls as it should for half a minute, then stands.
+            let kelvin =
+                ((288.0 - 0.006_5 * height.min(90.0 * step.max(0.5) * 4.0)) / step).round() * step;
+            for (p, value) in [
+                (P::GroundSpeed, 50.0),
+                (P::PressureAltitude, height),
+                (P::StaticAirTemperature, kelvin),
+            ] {
+                let value = p.check(value);
+                fusion.apply(&Signal {
+                    at,
+                    source: A,
+                    parameter: p,
+                    value,
+                });
+            }
+            let said = fusion.step(at).read(P::StaticAirTemperature, at);
+            if said == Err(Invalid::Frozen) {
+                found = found.or(Some(t));
+            }
+        }
+        assert!(
+            found.is_some_and(|t| t > 100.0 && t < most_s + 60.0),
+            "{step}: {found:?}"
+        );
     }
 }
