@@ -336,6 +336,12 @@ impl TerrainRenderer {
         drawn + 2 * going
     }
 
+    /// Whether something is still wanted, of the partition beyond a near seam too.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        self.world.is_waiting()
+    }
+
     fn resident_bytes(&self) -> usize {
         let textures = self.textures.iter().map(LevelTextures::bytes);
         let tables = self.plans.iter().flat_map(|plan| &plan.tables);

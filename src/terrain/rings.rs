@@ -3,7 +3,7 @@
 
 use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
 use super::clipmap::{self, CellRect, Extent, Shape};
-use super::cull::{Bound, Patch, Seen, Viewer};
+use super::cull::{Bound, Patch, Seen, Viewer, WIDE};
 use super::grid::Grid;
 use super::partition::Partition;
 use super::plan::{LevelPlan, Plan};
@@ -190,7 +190,10 @@ impl Rings {
         }
         let f = camera.focal_px();
         let (w, h) = (f64::from(camera.width_px), f64::from(camera.height_px));
-        // A distance along a ray is at least this much of it along the optical axis.
+        // A distance along a ray of the wide picture is at least this much of it along the optical axis. In the picture alone it
+        // would be more; but then planes of two slices would cut a side that both share at two places beyond the picture,
+        // and a cut side runs a hair's breadth beside the whole one.
+        let (w, h) = (f64::from(WIDE) * w + 1.0, f64::from(WIDE) * h + 1.0);
         let along = f / (f * f + (w * w + h * h) / 4.0).sqrt();
         plan.blocks.clear();
         plan.triangles = 0;

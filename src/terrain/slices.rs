@@ -8,7 +8,7 @@
 //!
 //! A slice from `n` to `f` that has the share `s` of the depths tells distances `d^2 / (n s 2^24)` apart. The shares are as the ratios
 //! `f / n`, which makes `d / (sum of all ratios 2^-24)` of it at the far end of every slice, and less before. With 3-second
-//! posts the sum is 1300 (core, from 0.2 m) and 640 (rest) and 5 for each coarser level: a step is at most 1.3e-4 of the distance,
+//! posts the sum is 1300 (core, from 0.2 m) and 890 (rest) and 7 for each coarser level: a step is at most 1.4e-4 of the distance,
 //! an eighth of a pixel at 1024 pixels for 60 degrees.
 
 use super::blocks::Block;
