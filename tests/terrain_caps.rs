@@ -369,7 +369,7 @@ impl Globe {
             support::skip("no etopo20data.gz");
             return None;
         }
-        let text = archive::in_gzip(&fs::read(file).expect("readable")).expect("gzip");
+        let text = archive::in_gzip(&fs::read(file).expect("readable"), 1 << 25).expect("gzip");
         let numbers = std::str::from_utf8(&text).expect("text").split_whitespace();
         let heights: Vec<i16> = numbers
             .map(|n| n.parse::<f64>().expect("a number").round() as i16)

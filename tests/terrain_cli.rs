@@ -438,7 +438,7 @@ fn packs_that_are_none_are_named_with_what_to_do() {
         (
             newer,
             &[
-                "written by a newer glasswing (format 9; this one reads up to 3)",
+                "written by a newer glasswing (format 9; this one reads up to 4)",
                 "update",
             ][..],
         ),

@@ -30,6 +30,7 @@ pub mod simulate;
 pub mod sniff;
 pub mod sources;
 pub mod terrain;
+pub mod terrain_bake;
 pub mod terrain_info;
 pub mod vision;
 pub mod way;

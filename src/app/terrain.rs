@@ -1,20 +1,16 @@
 //! `glasswing terrain`: bake, synth, info, verify, height.
-#![expect(clippy::print_stderr, reason = "warnings beside the output")]
 
 use crate::app::out::say;
+use crate::app::terrain_bake::{self, BakeArgs, JoinArgs};
 use crate::app::{Failure, Kind, terrain_info};
-use crate::terrain::bake::{self, BakeError, Heights, Seam};
 use crate::terrain::codec::{SurfaceKind, Tile};
 use crate::terrain::height::{GroundReader, HeightError};
-use crate::terrain::pack::{Bounds, Pack, PackInfo, TileReader};
+use crate::terrain::pack::{Pack, PackError, PackInfo, TileReader};
 use crate::terrain::synth;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
-use std::error::Error as _;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 /// Terrain packs: make them, look into them.
 #[derive(Debug, clap::Subcommand)]
@@ -22,7 +18,9 @@ pub enum TerrainCommand {
     /// Turn elevation files into a pack.
     ///
     /// Reads SRTM .hgt (1201 or 3601 posts a side; also .hgt.gz, and .zip with one .hgt in it), DTED (.dt0, .dt1, .dt2) and
-    /// GeoTIFF (.tif, .tiff: one band of Int16, UInt16 or Float32, in EPSG:4326 or in UTM on WGS 84).
+    /// GeoTIFF (.tif, .tiff: one band of Int16, UInt16 or Float32, in EPSG:4326 or in UTM on WGS 84). Plain grids are read where
+    /// `--bounds` says that they lie: rows of numbers (.txt, .csv, also .gz), grey PNG, raw samples (.raw, .bin, .bil, .flt);
+    /// an Esri ASCII grid (.asc) says it itself.
     ///
     /// Posts are kept as they are. Files may overlap and have different spacings: the finest valid height is taken, a coarser
     /// file is bent to meet it over 32 posts, and where two disagree it is said where and by how much. A void is filled from
@@ -30,9 +28,21 @@ pub enum TerrainCommand {
     /// connected areas become water. Where files reach beyond 69 degrees north or south, the grid of that pole is made too.
     /// The pack appears under its name only when it is whole.
     #[command(
-        after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack"
+        after_help = "Example:\n  glasswing terrain bake N50E014.hgt N49E015.hgt.zip --out bohemia.pack\n  \
+                      glasswing terrain bake etopo20data.gz --bounds=-89.833333,20.166667,89.833333,380.166667 \\\n    \
+                      --bounds-at posts --first-row south --region 45,5,48,12 --out alps.pack"
     )]
     Bake(BakeArgs),
+    /// Join packs of regions to one.
+    ///
+    /// For what is too much for one machine: bake it region by region, in any order and anywhere (`terrain bake --region`; give
+    /// each the files around its region too), then join. Posts are taken as they are; the coarse levels and the grids of the
+    /// poles are made anew. Every tile's checksum is tested, packs with other posts are refused, and where packs overlap and
+    /// differ it is said where and by how much.
+    #[command(
+        after_help = "Example:\n  glasswing terrain join north.pack south.pack --out all.pack"
+    )]
+    Join(JoinArgs),
     /// Make the demo terrain: an alpine valley that exists nowhere.
     ///
     /// 89 x 91 km with a flat valley floor near 600 m, side valleys, peaks to 3200 m, a lake and an airfield. The same seed
@@ -52,35 +62,6 @@ pub enum TerrainCommand {
     /// Bilinear between the four posts of the finest level around the point. `void`: a post it rests on was never measured.
     #[command(after_help = "Example:\n  glasswing terrain height andes.pack -32.6533 -70.0108")]
     Height(HeightArgs),
-}
-
-/// Arguments of `terrain bake`.
-#[derive(Debug, clap::Args)]
-pub struct BakeArgs {
-    /// Elevation files; neighbours in any order.
-    #[arg(required = true, value_name = "INPUT")]
-    inputs: Vec<PathBuf>,
-    /// The pack to write.
-    #[arg(long, value_name = "PACK")]
-    out: PathBuf,
-    /// What the inputs' heights refer to: the EGM96 geoid (SRTM's do) or the WGS 84 ellipsoid.
-    #[arg(long, value_enum, default_value = "egm96")]
-    heights: HeightsArg,
-    /// Take only this part: southern, western, northern, eastern edge in degrees.
-    #[arg(long, value_name = "S,W,N,E", allow_hyphen_values = true, value_parser = parse_region)]
-    region: Option<Bounds>,
-    /// Threads; as many as the machine has cores if not given. The pack is the same whatever their number.
-    #[arg(long, value_name = "N")]
-    jobs: Option<NonZeroUsize>,
-}
-
-/// A vertical datum on the command line.
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
-pub enum HeightsArg {
-    /// Above the EGM96 geoid (mean sea level).
-    Egm96,
-    /// Above the WGS 84 ellipsoid.
-    Ellipsoidal,
 }
 
 /// Arguments of `terrain synth`.
@@ -126,7 +107,8 @@ pub struct HeightArgs {
 /// With what the user can do about it.
 pub fn run(command: TerrainCommand) -> Result<(), Failure> {
     match command {
-        TerrainCommand::Bake(args) => bake(&args),
+        TerrainCommand::Bake(args) => terrain_bake::bake(&args),
+        TerrainCommand::Join(args) => terrain_bake::join(&args),
         TerrainCommand::Synth(args) => synth(&args),
         TerrainCommand::Info(args) => {
             terrain_info::print(&open_pack(&args.pack)?, &args);
@@ -137,71 +119,20 @@ pub fn run(command: TerrainCommand) -> Result<(), Failure> {
     }
 }
 
-fn parse_region(text: &str) -> Result<Bounds, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|n| n.trim().parse().map_err(|e| format!("`{n}`: {e}")))
-        .collect::<Result<_, _>>()?;
-    let &[south_deg, west_deg, north_deg, east_deg] = numbers.as_slice() else {
-        return Err("four numbers are wanted: S,W,N,E in degrees".to_owned());
-    };
-    if !(-90.0 <= south_deg && south_deg < north_deg && north_deg <= 90.0) {
-        return Err("the southern edge must lie below the northern, within 90 degrees".to_owned());
-    }
-    if !(-180.0 <= west_deg && west_deg < east_deg && east_deg <= 180.0) {
-        return Err("the western edge must lie below the eastern, within 180 degrees".to_owned());
-    }
-    Ok(Bounds {
-        south_deg,
-        west_deg,
-        north_deg,
-        east_deg,
-    })
-}
-
 /// Opens a pack.
 ///
 /// # Errors
 /// Naming the pack, what is wrong with it and what to do.
 pub fn open_pack(path: &Path) -> Result<Pack, Failure> {
-    Pack::open(path).map_err(|e| {
-        let failure = Failure::new(Kind::Input, path.display(), &e, e.remedy());
-        match e {
-            crate::terrain::pack::PackError::Io(cause) => failure.caused_by(cause),
-            _ => failure,
-        }
-    })
+    Pack::open(path).map_err(|e| pack_failure(path, e))
 }
 
-fn bake(args: &BakeArgs) -> Result<(), Failure> {
-    let stop = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        // Without the handler the signal ends the program at once, and the temporary file stays: no worse than kill -9.
-        let _ = signal_hook::flag::register(signal, Arc::clone(&stop));
+pub(super) fn pack_failure(path: &Path, e: PackError) -> Failure {
+    let failure = Failure::new(Kind::Input, path.display(), &e, e.remedy());
+    match e {
+        PackError::Io(cause) => failure.caused_by(cause),
+        _ => failure,
     }
-    let bar = progress_bar();
-    let job = bake::Job {
-        inputs: &args.inputs,
-        out: &args.out,
-        heights: match args.heights {
-            HeightsArg::Egm96 => Heights::Egm96,
-            HeightsArg::Ellipsoidal => Heights::Ellipsoidal,
-        },
-        region: args.region,
-        jobs: jobs(args.jobs),
-        stop: &stop,
-    };
-    let report = bake::bake(&job, &mut |done, all| {
-        bar.set_length(all as u64);
-        bar.set_position(done as u64);
-    });
-    bar.finish_and_clear();
-    let report = report.map_err(bake_failure)?;
-    for seam in &report.seams {
-        warn_seam(seam);
-    }
-    say!("{}: {}", args.out.display(), summary(&report.info));
-    Ok(())
 }
 
 fn synth(args: &SynthArgs) -> Result<(), Failure> {
@@ -224,7 +155,7 @@ pub fn synthesise(out: &Path, seed: u64) -> Result<PackInfo, Failure> {
     made.map_err(|why| cannot_write(out, why))
 }
 
-fn cannot_write(path: &Path, why: std::io::Error) -> Failure {
+pub(super) fn cannot_write(path: &Path, why: std::io::Error) -> Failure {
     Failure::new(
         Kind::Other,
         path.display(),
@@ -234,80 +165,18 @@ fn cannot_write(path: &Path, why: std::io::Error) -> Failure {
     .caused_by(why)
 }
 
-fn jobs(asked: Option<NonZeroUsize>) -> usize {
+pub(super) fn jobs(asked: Option<NonZeroUsize>) -> usize {
     let cores = || std::thread::available_parallelism().map_or(1, NonZeroUsize::get);
     asked.map_or_else(cores, NonZeroUsize::get)
 }
 
-fn progress_bar() -> ProgressBar {
+pub(super) fn progress_bar() -> ProgressBar {
     // indicatif draws on stderr, and nothing where that is no terminal.
-    let style = ProgressStyle::with_template("{wide_bar} {pos} of {len}, {eta} left");
+    let style = ProgressStyle::with_template("{wide_bar} {pos} of {len}, {per_sec}, {eta} left");
     ProgressBar::new(0).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
 }
 
-fn warn_seam(seam: &Seam) {
-    eprintln!(
-        "glasswing: {} and {}: where they overlap they differ by up to {} m, at {:.5} N {:.5} E ({} posts; the heights of {} were \
-         taken)",
-        seam.taken.display(),
-        seam.other.display(),
-        seam.difference_m,
-        seam.latitude_deg,
-        seam.longitude_deg,
-        seam.posts,
-        seam.taken.display(),
-    );
-}
-
-fn bake_failure(error: BakeError) -> Failure {
-    match error {
-        BakeError::Input(path, why) => {
-            let failure = Failure::new(Kind::Input, path.display(), &why, why.remedy());
-            if why.source().is_some() {
-                failure.caused_by(Chain(why))
-            } else {
-                failure
-            }
-        }
-        BakeError::Twice(ref path) => {
-            Failure::new(Kind::Usage, path.display(), &error, "name each file once")
-        }
-        BakeError::NothingInRegion => Failure::new(
-            Kind::Usage,
-            "--region",
-            &error,
-            "give the region as S,W,N,E in degrees, south and west negative",
-        ),
-        BakeError::Output(path, why) => cannot_write(&path, why),
-        BakeError::Stopped => Failure::new(
-            Kind::Other,
-            "terrain bake",
-            "interrupted; no pack was written",
-            "run it again",
-        ),
-    }
-}
-
-/// An input error's cause without the sentence that the failure itself already says.
-#[derive(Debug)]
-struct Chain(crate::terrain::input::InputError);
-
-impl std::fmt::Display for Chain {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.0.source() {
-            Some(cause) => write!(f, "{cause}"),
-            None => write!(f, "{}", self.0),
-        }
-    }
-}
-
-impl std::error::Error for Chain {
-    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        self.0.source().and_then(std::error::Error::source)
-    }
-}
-
-fn summary(info: &PackInfo) -> String {
+pub(super) fn summary(info: &PackInfo) -> String {
     let b = &info.bounds;
     format!(
         "{} tiles in {} levels, {} bytes, {} to {} N, {} to {} E",

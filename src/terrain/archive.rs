@@ -6,7 +6,7 @@ use miniz_oxide::inflate::decompress_to_vec_with_limit;
 use std::io::{Cursor, Read};
 
 /// No .hgt is larger, bytes: 3601 posts squared. One byte more is read so that a larger one is seen to be larger.
-const HGT_BYTES_MAX: usize = 2 * 3601 * 3601;
+pub const HGT_BYTES_MAX: usize = 2 * 3601 * 3601;
 
 /// The .hgt in a zip archive: its name without folders, and its bytes.
 ///
@@ -37,26 +37,26 @@ pub fn hgt_in_zip(archive: Vec<u8>) -> Result<(String, Vec<u8>), InputError> {
     Ok((name, bytes))
 }
 
-/// The bytes in a gzip file (RFC 1952) of one member.
+/// The bytes in a gzip file (RFC 1952) of one member; what is longer than `bytes_max` is cut one byte behind that.
 ///
 /// # Errors
 /// If it is damaged.
-pub fn in_gzip(file: &[u8]) -> Result<Vec<u8>, InputError> {
+pub fn in_gzip(file: &[u8], bytes_max: usize) -> Result<Vec<u8>, InputError> {
     let body = gzip_body(file).ok_or(InputError::Gzip)?;
     let (deflated, tail) = body
         .split_at_checked(body.len().saturating_sub(8))
         .ok_or(InputError::Gzip)?;
-    let bytes = match decompress_to_vec_with_limit(deflated, HGT_BYTES_MAX + 1) {
+    let bytes = match decompress_to_vec_with_limit(deflated, bytes_max + 1) {
         Ok(bytes) => bytes,
-        // Too large for any .hgt: what there is tells the size check so.
-        Err(e) if e.output.len() > HGT_BYTES_MAX => e.output,
+        // Too large: what there is tells the size check so.
+        Err(e) if e.output.len() > bytes_max => e.output,
         Err(_) => return Err(InputError::Gzip),
     };
     let length = u32::try_from(bytes.len()).unwrap_or(0);
     let sound = tail.len() == 8
         && tail[..4] == CRC.checksum(&bytes).to_le_bytes()
         && tail[4..] == length.to_le_bytes();
-    if sound || bytes.len() > HGT_BYTES_MAX {
+    if sound || bytes.len() > bytes_max {
         Ok(bytes)
     } else {
         Err(InputError::Gzip)
@@ -106,12 +106,12 @@ mod tests {
     #[test]
     fn gzip_is_read_and_its_damage_seen() {
         let file = GZIPPED.to_vec();
-        assert_eq!(in_gzip(&file).expect("sound"), b"glasswing");
+        assert_eq!(in_gzip(&file, HGT_BYTES_MAX).expect("sound"), b"glasswing");
         // The same with a stored name.
         let mut named = file.clone();
         named[3] = 8;
         named.splice(10..10, *b"N50E014.hgt\0");
-        assert_eq!(in_gzip(&named).expect("sound"), b"glasswing");
+        assert_eq!(in_gzip(&named, HGT_BYTES_MAX).expect("sound"), b"glasswing");
         for at in 0..file.len() {
             // Time, extra flags and operating system (bytes 4 to 9) carry no data, nor do the bits that fill the last byte
             // of the deflate stream.
@@ -120,10 +120,13 @@ mod tests {
             }
             let mut bad = file.clone();
             bad[at] ^= 0x40;
-            assert!(in_gzip(&bad).is_err(), "byte {at}");
+            assert!(in_gzip(&bad, HGT_BYTES_MAX).is_err(), "byte {at}");
         }
         for length in 0..file.len() {
-            assert!(in_gzip(&file[..length]).is_err(), "cut to {length}");
+            assert!(
+                in_gzip(&file[..length], HGT_BYTES_MAX).is_err(),
+                "cut to {length}"
+            );
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! The inputs are read once to learn where they lie and what they hold; that decides the grid (the coarsest of
 //! [`POSTS_PER_DEGREE`] that is not coarser than the finest input, a tenth of tolerance allowed) and the scale (see
-//! `scale`). Then degree cell after degree cell is put together ([`crate::terrain::bake_cell`]) and scattered to the
+//! [`crate::terrain::bake_plan`]). Then degree cell after degree cell is put together ([`crate::terrain::bake_cell`]) and scattered to the
 //! tiles of all levels ([`crate::terrain::bake_levels`]). Where inputs reach beyond 69 degrees of latitude, the posts of
 //! that pole's cap are made from the finished ones ([`crate::terrain::bake_cap`]).
 //!
@@ -18,14 +18,16 @@
 use crate::terrain::bake_cap;
 use crate::terrain::bake_cell::{Disagreement, Frame, Layer, MARGIN};
 use crate::terrain::bake_levels::{Levels, cells};
+use crate::terrain::bake_parts;
+use crate::terrain::bake_plan::{Input, Plan, Share, looked_at, posts_of, survey};
 use crate::terrain::geoid::GeoidGrid;
-use crate::terrain::grid::{Grid, POSTS_PER_DEGREE};
+use crate::terrain::grid::Grid;
 use crate::terrain::input::{self, InputError};
+use crate::terrain::join::JoinError;
 use crate::terrain::pack::{Bounds, PackInfo, PostRect, SourceInfo};
 use crate::terrain::partition::Partition;
-use crate::terrain::placement::Placement;
-use crate::terrain::raster::{Contents, Geometry, Raster};
-use crate::terrain::store::Scale;
+use crate::terrain::plain::PlainGrids;
+use crate::terrain::raster::Raster;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -37,9 +39,6 @@ const CACHE_BYTES: usize = 512 << 20;
 /// A pack gets a cap when an input reaches beyond this latitude, degrees north or south: the seam is at 70, and who flies
 /// north of it sees what lies south of it.
 const CAP_FROM_DEG: i32 = 69;
-
-/// How many times finer than the grid an input may be, so that "about 1 arc second" takes the 1" grid.
-const FINER_BY: f64 = 1.1;
 
 /// What the inputs' heights refer to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,12 +54,16 @@ pub enum Heights {
 pub struct Job<'a> {
     /// Elevation files.
     pub inputs: &'a [PathBuf],
+    /// How those that are plain grids are to be read.
+    pub plain: &'a PlainGrids,
     /// The pack to write.
     pub out: &'a Path,
     /// What the inputs' heights refer to.
     pub heights: Heights,
     /// The part of them to take; all if `None`.
     pub region: Option<Bounds>,
+    /// A folder for finished parts, from which an interrupted bake goes on.
+    pub parts: Option<&'a Path>,
     /// Threads; at least 1.
     pub jobs: usize,
     /// Set from elsewhere to stop.
@@ -103,9 +106,23 @@ pub enum BakeError {
     /// An input is given twice.
     #[error("is given twice")]
     Twice(PathBuf),
+    /// There are more places given than plain grids, or fewer.
+    #[error("{places} places are given for {files} plain grids")]
+    Places {
+        /// Files that do not say where they lie.
+        files: usize,
+        /// Places that the user gave.
+        places: usize,
+    },
     /// No input has posts in the region.
     #[error("no input has posts in the region")]
     NothingInRegion,
+    /// The parts cannot be joined.
+    #[error("the parts cannot be joined")]
+    Parts(#[source] JoinError),
+    /// The folder for parts holds something else.
+    #[error("holds something else than the parts of this bake")]
+    OtherParts(PathBuf),
     /// The pack cannot be written.
     #[error("{}", .0.display())]
     Output(PathBuf, #[source] io::Error),
@@ -114,77 +131,107 @@ pub enum BakeError {
     Stopped,
 }
 
-/// An input as learnt in the first pass.
-struct Input {
-    path: PathBuf,
-    geometry: Geometry,
-    contents: Contents,
-    placement: Placement,
-    rect: PostRect,
-}
-
 /// Bakes. `progress` is called with the cells done and their number; then the same for the tiles of each further step: the
 /// coarse levels, their errors, each cap and its levels.
 ///
 /// # Errors
 /// See [`BakeError`]; whatever happens, `out` is either the old file or a whole pack.
 pub fn bake(job: &Job<'_>, progress: &mut dyn FnMut(usize, usize)) -> Result<Report, BakeError> {
-    let (grid, inputs) = survey(job)?;
-    let scale = scale(&inputs, job.heights);
-    let rects: Vec<PostRect> = inputs.iter().map(|i| i.rect).collect();
+    let plan = survey(job)?;
+    let region = match job.region {
+        Some(region) => Some(posts_of(plan.grid, &region).ok_or(BakeError::NothingInRegion)?),
+        None => None,
+    };
+    match job.parts {
+        Some(folder) => bake_parts::bake(job, &plan, region, folder, progress),
+        None => bake_region(job, &plan, region, job.out, progress),
+    }
+}
+
+/// Bakes the part of a plan that lies in a region to `out`.
+pub(crate) fn bake_region(
+    job: &Job<'_>,
+    plan: &Plan,
+    region: Option<PostRect>,
+    out: &Path,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Report, BakeError> {
+    let (grid, scale, inputs) = (plan.grid, plan.scale, &plan.inputs);
+    let shares = plan.shares(region.as_ref());
+    let rects: Vec<PostRect> = shares.iter().filter_map(|s| s.own).collect();
+    if rects.is_empty() {
+        return Err(BakeError::NothingInRegion);
+    }
     let geoid = GeoidGrid::over(grid, &rects, job.jobs);
+    let wide: Vec<PostRect> = rects.iter().map(|r| looked_at(grid, r)).collect();
+    let wide = GeoidGrid::over(grid, &wide, job.jobs);
     let frame = Frame {
         grid,
         scale,
-        subtract: (job.heights == Heights::Ellipsoidal).then_some(&geoid),
+        subtract: (job.heights == Heights::Ellipsoidal).then_some(&wide),
     };
-    let failed = |e| BakeError::Output(job.out.to_owned(), e);
-    let mut levels = Levels::create(job.out, grid, scale, job.jobs).map_err(failed)?;
+    let failed = |e| BakeError::Output(out.to_owned(), e);
+    let mut levels = Levels::create(out, grid, scale, job.jobs).map_err(failed)?;
     let mut cache = Cache::new(inputs.len());
     let mut found = Vec::new();
-    let posts = grid.posts_per_degree.cast_signed();
     let cells = cells(grid, &rects);
-    for (done, &(latitude, longitude)) in cells.iter().enumerate() {
+    for (done, &cell) in cells.iter().enumerate() {
         progress(done, cells.len());
         if job.stop.load(Ordering::Relaxed) {
             return Err(BakeError::Stopped);
         }
-        let wanted = around(grid, (latitude, longitude), &rects);
-        let rasters = cache.load(&inputs, &wanted)?;
+        let wanted = around(grid, cell, (inputs, &shares));
+        let rasters = cache.load(job.plain, inputs, &wanted)?;
         let layers: Vec<Layer<'_>> = std::iter::zip(&wanted, &rasters)
             .map(|(at, loaded)| Layer {
                 input: *at,
                 raster: &loaded.raster,
                 placement: inputs[*at].placement,
                 rect: inputs[*at].rect,
+                own: shares[*at].own,
                 margin: loaded.margin.as_deref(),
             })
             .collect();
-        let (block, disagreements) = frame.cell((latitude, longitude), &layers);
+        let (block, disagreements) = frame.cell(cell, &layers);
         merge(&mut found, disagreements);
-        levels.scatter(&block);
-        let row_ends = cells.get(done + 1).is_none_or(|next| next.0 != latitude);
-        let east = (!row_ends).then_some((longitude + 1) * posts);
-        levels.flush((latitude + 1) * posts, east).map_err(failed)?;
+        levels
+            .lay(&block, cell, cells.get(done + 1))
+            .map_err(failed)?;
     }
     progress(cells.len(), cells.len());
-    let sources: Vec<SourceInfo> = inputs.iter().map(Input::source).collect();
+    let sources = std::iter::zip(inputs, &shares).filter_map(|(i, s)| Some(i.source(s.own?)));
+    let sources: Vec<SourceInfo> = sources.collect();
+    let info = finish(
+        levels,
+        &rects,
+        (&geoid, &sources),
+        (job.jobs, job.stop),
+        progress,
+    )
+    .map_err(|e| e.map_or(BakeError::Stopped, failed))?;
+    let seams = found.iter().map(|d| seam(grid, inputs, d)).collect();
+    Ok(Report { info, seams })
+}
+
+/// Makes the caps that `rects` reach into, and the coarse levels, and completes the pack; `None` as an error if it was told
+/// to stop.
+pub(crate) fn finish(
+    mut levels: Levels,
+    rects: &[PostRect],
+    (geoid, sources): (&GeoidGrid, &[SourceInfo]),
+    (jobs, stop): (usize, &AtomicBool),
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<PackInfo, Option<io::Error>> {
     let mut proceed = |done, all| {
         progress(done, all);
-        !job.stop.load(Ordering::Relaxed)
+        !stop.load(Ordering::Relaxed)
     };
-    let failed = |e| match job.stop.load(Ordering::Relaxed) {
-        true => BakeError::Stopped,
-        false => failed(e),
-    };
-    for cap in caps(grid, &rects) {
-        bake_cap::add(&mut levels, (grid, scale), cap, job.jobs, &mut proceed).map_err(failed)?;
+    let failed = |e| (!stop.load(Ordering::Relaxed)).then_some(e);
+    let (grid, scale) = levels.frame();
+    for cap in caps(grid, rects) {
+        bake_cap::add(&mut levels, (grid, scale), cap, jobs, &mut proceed).map_err(failed)?;
     }
-    let info = levels
-        .finish(&geoid, &sources, &mut proceed)
-        .map_err(failed)?;
-    let seams = found.iter().map(|d| seam(grid, &inputs, d)).collect();
-    Ok(Report { info, seams })
+    levels.finish(geoid, sources, &mut proceed).map_err(failed)
 }
 
 /// The caps that inputs reach into.
@@ -200,151 +247,12 @@ fn caps(grid: Grid, rects: &[PostRect]) -> impl Iterator<Item = Partition> + '_ 
         })
 }
 
-/// Reads every input once; chooses the grid; refuses what cannot be put together.
-fn survey(job: &Job<'_>) -> Result<(Grid, Vec<Input>), BakeError> {
-    refuse_repeats(job.inputs)?;
-    let mut read = Vec::new();
-    for path in job.inputs {
-        if job.stop.load(Ordering::Relaxed) {
-            return Err(BakeError::Stopped);
-        }
-        let raster = input::read(path).map_err(|e| BakeError::Input(path.clone(), e))?;
-        read.push((path.clone(), raster.geometry, raster.contents()));
-    }
-    let finest = read
-        .iter()
-        .map(|(_, g, _)| g.samples_per_degree())
-        .fold(0.0, f64::max);
-    let grid = Grid {
-        posts_per_degree: posts_per_degree(finest),
-    };
-    let mut inputs: Vec<Input> = read
-        .into_iter()
-        .filter_map(|(path, geometry, contents)| {
-            let placement = Placement::new(&geometry, grid);
-            let rect = match job.region {
-                Some(region) => cut(grid, &placement.rect(grid), &region)?,
-                None => placement.rect(grid),
-            };
-            Some(Input {
-                path,
-                geometry,
-                contents,
-                placement,
-                rect,
-            })
-        })
-        .collect();
-    if inputs.is_empty() {
-        return Err(BakeError::NothingInRegion);
-    }
-    inputs.sort_by(Input::precedence);
-    Ok((grid, inputs))
-}
-
-/// The grid's spacing for inputs of at most this many samples per degree.
-fn posts_per_degree(finest: f64) -> u32 {
-    let [.., densest] = POSTS_PER_DEGREE;
-    POSTS_PER_DEGREE
-        .into_iter()
-        .find(|p| f64::from(*p) * FINER_BY >= finest)
-        .unwrap_or(densest)
-}
-
-/// The part of a rectangle in a region; `None` if it has fewer than two posts in either direction.
-fn cut(grid: Grid, rect: &PostRect, region: &Bounds) -> Option<PostRect> {
-    let posts = f64::from(grid.posts_per_degree);
-    // A region given in decimals means the post it names.
-    const ROUNDING: f64 = 1e-6;
-    #[expect(
-        clippy::cast_possible_truncation,
-        reason = "the region is on Earth, which the command line has checked"
-    )]
-    let region = PostRect {
-        south: (region.south_deg * posts - ROUNDING).ceil() as i32,
-        west: (region.west_deg * posts - ROUNDING).ceil() as i32,
-        north: (region.north_deg * posts + ROUNDING).floor() as i32,
-        east: (region.east_deg * posts + ROUNDING).floor() as i32,
-    };
-    let around = grid.posts_around();
-    [0, -around]
-        .into_iter()
-        .filter_map(|shift| rect.shifted(shift).intersection(&region))
-        .find(|r| r.south < r.north && r.west < r.east)
-}
-
-impl Input {
-    fn name(&self) -> String {
-        let name = self.path.file_name().unwrap_or_default();
-        name.to_string_lossy().into_owned()
-    }
-
-    fn source(&self) -> SourceInfo {
-        SourceInfo {
-            name: self.name(),
-            rect: self.rect,
-        }
-    }
-
-    fn precedence(&self, other: &Self) -> std::cmp::Ordering {
-        let finer = other
-            .geometry
-            .samples_per_degree()
-            .total_cmp(&self.geometry.samples_per_degree());
-        let place = |i: &Self| (i.rect.south, i.rect.west, i.name());
-        finer.then_with(|| place(self).cmp(&place(other)))
-    }
-}
-
-/// The same file twice is a slip of the hand: one of them was meant to be another.
-fn refuse_repeats(inputs: &[PathBuf]) -> Result<(), BakeError> {
-    let mut names: Vec<PathBuf> = Vec::with_capacity(inputs.len());
-    for path in inputs {
-        let name = path.canonicalize().unwrap_or_else(|_| path.clone());
-        if names.contains(&name) {
-            return Err(BakeError::Twice(path.clone()));
-        }
-        names.push(name);
-    }
-    Ok(())
-}
-
-/// The scale that holds all inputs: whole metres from -1000 m (from -12 000 m where ground is deeper) if every post is a
-/// copy of a whole number; else the finest of 1/32 to 1/2 m whose 65 536 steps reach from the lowest to the highest
-/// height and include sea level.
-fn scale(inputs: &[Input], heights: Heights) -> Scale {
-    let range = inputs
-        .iter()
-        .filter_map(|i| i.contents.range_m)
-        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
-    let (low, high) = range.map_or((0.0, 0.0), |(low, high)| (f64::from(low), f64::from(high)));
-    let whole = heights == Heights::Egm96
-        && inputs
-            .iter()
-            .all(|i| !i.contents.fractional && i.placement.is_copy());
-    if whole {
-        let base_m = if low >= -1000.0 { -1000.0 } else { -12_000.0 };
-        return Scale {
-            unit_m: 1.0,
-            base_m,
-        };
-    }
-    // EGM96 lies between -107 and +86 m.
-    let undulation = match heights {
-        Heights::Egm96 => 0.0,
-        Heights::Ellipsoidal => 110.0,
-    };
-    let base_m = (low - undulation).floor().min(0.0);
-    let span = (high + undulation).max(0.0) - base_m;
-    let unit_m = [0.031_25, 0.0625, 0.125, 0.25]
-        .into_iter()
-        .find(|unit| span / unit <= f64::from(u16::MAX))
-        .unwrap_or(0.5);
-    Scale { unit_m, base_m }
-}
-
 /// The inputs that a cell and its margin touch, in order of precedence.
-fn around(grid: Grid, (latitude, longitude): (i32, i32), rects: &[PostRect]) -> Vec<usize> {
+fn around(
+    grid: Grid,
+    (latitude, longitude): (i32, i32),
+    (inputs, shares): (&[Input], &[Share]),
+) -> Vec<usize> {
     let posts = grid.posts_per_degree.cast_signed();
     let window = PostRect {
         south: latitude * posts - MARGIN,
@@ -358,9 +266,9 @@ fn around(grid: Grid, (latitude, longitude): (i32, i32), rects: &[PostRect]) -> 
             .iter()
             .any(|t| window.intersection(&r.shifted(*t)).is_some())
     };
-    let numbered = rects.iter().enumerate();
+    let numbered = std::iter::zip(inputs, shares).enumerate();
     numbered
-        .filter_map(|(at, r)| touches(r).then_some(at))
+        .filter_map(|(at, (input, share))| (share.is_near && touches(&input.rect)).then_some(at))
         .collect()
 }
 
@@ -392,7 +300,12 @@ impl Cache {
         }
     }
 
-    fn load(&mut self, inputs: &[Input], wanted: &[usize]) -> Result<Vec<Rc<Loaded>>, BakeError> {
+    fn load(
+        &mut self,
+        plain: &PlainGrids,
+        inputs: &[Input],
+        wanted: &[usize],
+    ) -> Result<Vec<Rc<Loaded>>, BakeError> {
         let mut loaded = Vec::with_capacity(wanted.len());
         for &at in wanted {
             self.order.retain(|o| *o != at);
@@ -402,7 +315,8 @@ impl Cache {
                 None => {
                     let input = &inputs[at];
                     let failed = |e| BakeError::Input(input.path.clone(), e);
-                    let raster = input::read(&input.path).map_err(failed)?;
+                    let raster =
+                        input::read(&input.path, plain, input.place.as_ref()).map_err(failed)?;
                     if raster.geometry != input.geometry || raster.contents() != input.contents {
                         return Err(failed(InputError::Changed));
                     }

@@ -24,7 +24,7 @@ const _: () = assert!(
     "an area that leaves the window must be large enough by then"
 );
 
-/// An input laid on the grid. `rect` is cut by the region.
+/// An input laid on the grid.
 #[derive(Debug)]
 pub struct Layer<'a> {
     /// Its number among the inputs.
@@ -33,8 +33,10 @@ pub struct Layer<'a> {
     pub raster: &'a Raster,
     /// How they lie.
     pub placement: Placement,
-    /// The posts it gives.
+    /// The posts it has.
     pub rect: PostRect,
+    /// Those of them that it gives: the others lie outside the region and are only looked at.
+    pub own: Option<PostRect>,
     /// Voids that are the margin of its raster and not in it ([`Raster::margin`]).
     pub margin: Option<&'a [bool]>,
 }
@@ -81,14 +83,17 @@ impl Frame<'_> {
             north: latitude * posts + posts - 1,
             east: longitude * posts + posts - 1,
         };
-        let Some(own) = self.covered(&degree, layers) else {
+        let own = self.covered(&degree, layers.iter().filter_map(|l| l.own));
+        // The window does not depend on the region, so that neither do lakes and filled voids.
+        let window = self.covered(&degree, layers.iter().map(|l| l.rect));
+        let (Some(own), Some(window)) = (own, window) else {
             return (Block::empty(), Vec::new());
         };
         let mut mosaic = Mosaic::new(PostRect {
-            south: own.south - MARGIN,
-            west: own.west - MARGIN,
-            north: own.north + MARGIN,
-            east: own.east + MARGIN,
+            south: window.south - MARGIN,
+            west: window.west - MARGIN,
+            north: window.north + MARGIN,
+            east: window.east + MARGIN,
         });
         let mut disagreements = Vec::new();
         for (number, layer) in (0..u16::MAX).zip(layers) {
@@ -116,11 +121,11 @@ impl Frame<'_> {
         (self.finish(&own, mosaic, layers), disagreements)
     }
 
-    /// The part of a cell that the layers cover: many cells have only the shared edge of a neighbour.
-    fn covered(&self, cell: &PostRect, layers: &[Layer<'_>]) -> Option<PostRect> {
+    /// The part of a cell that rectangles cover: many cells have only the shared edge of a neighbour.
+    fn covered(&self, cell: &PostRect, rects: impl Iterator<Item = PostRect>) -> Option<PostRect> {
         let around = self.grid.posts_around();
-        let parts = layers.iter().flat_map(|l| {
-            [-around, 0, around].map(|shift| cell.intersection(&l.rect.shifted(shift)))
+        let parts = rects.flat_map(|rect| {
+            [-around, 0, around].map(|shift| cell.intersection(&rect.shifted(shift)))
         });
         PostRect::around(parts.flatten())
     }
@@ -134,7 +139,7 @@ impl Frame<'_> {
         let void: Vec<bool> = (0..hole.len())
             .map(|at| mosaic.is_void(at, layers))
             .collect();
-        let middle = (own.south + own.north).div_euclid(2);
+        let middle = (mosaic.rect.south + mosaic.rect.north).div_euclid(2);
         let latitude_deg = self.grid.latitude_deg(0, middle);
         // Beside a pole a row is a point: nothing is gained by taking it for one.
         let aspect = latitude_deg.to_radians().cos().max(0.1);
@@ -145,12 +150,13 @@ impl Frame<'_> {
             .collect();
         let water = water(&mosaic.window, &measured);
         let columns = mosaic.window.columns;
-        let margin = MARGIN.cast_unsigned() as usize;
+        let south = (own.south - mosaic.rect.south).cast_unsigned() as usize;
+        let west = (own.west - mosaic.rect.west).cast_unsigned() as usize;
         let width = (own.east - own.west + 1).cast_unsigned() as usize;
         let height = (own.north - own.south + 1).cast_unsigned() as usize;
         let mut posts = Vec::with_capacity(width * height);
-        for row in margin..margin + height {
-            for at in row * columns + margin..row * columns + margin + width {
+        for row in south..south + height {
+            for at in row * columns + west..row * columns + west + width {
                 posts.push(mosaic.layer[at].map(|_| {
                     let quanta = self.scale.quanta(f64::from(mosaic.heights[at]));
                     let kind = match (void[at], water[at]) {

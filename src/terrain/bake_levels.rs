@@ -114,6 +114,29 @@ impl Levels {
         })
     }
 
+    /// Its grid and scale.
+    pub(crate) const fn frame(&self) -> (Grid, Scale) {
+        (self.grid, self.scale)
+    }
+
+    /// Takes the posts of a degree cell and writes what no later one can reach; `next` is the cell that comes then, in the
+    /// order of [`cells`].
+    ///
+    /// # Errors
+    /// If writing fails.
+    pub(crate) fn lay(
+        &mut self,
+        block: &Block,
+        (latitude, longitude): (i32, i32),
+        next: Option<&(i32, i32)>,
+    ) -> io::Result<()> {
+        let posts = self.grid.posts_per_degree.cast_signed();
+        self.scatter(block);
+        let row_ends = next.is_none_or(|next| next.0 != latitude);
+        let east = (!row_ends).then_some((longitude + 1) * posts);
+        self.flush((latitude + 1) * posts, east)
+    }
+
     /// Completes the partition and goes on to another. Gives the level-0 tiles of the geographic one that reach as far as
     /// the cap does. `proceed` is called with the tiles done and their number, and says whether to go on.
     ///

@@ -1,5 +1,7 @@
 //! Elevation files by kind: which reader a name asks for, and everything that can be wrong with one.
 
+use crate::terrain::pack::Bounds;
+use crate::terrain::plain::{self, PlainGrids, PlainKind};
 use crate::terrain::raster::Raster;
 use crate::terrain::{archive, dted, geotiff, hgt};
 use std::fs;
@@ -45,12 +47,24 @@ pub enum InputError {
     /// A TIFF whose place is not given.
     #[error("has no usable georeference: {0}")]
     Georeference(&'static str),
+    /// A plain grid that is damaged or no table.
+    #[error("{0}")]
+    Plain(String),
+    /// A plain grid of which nobody said where it lies.
+    #[error("does not say where it lies")]
+    NoBounds,
     /// Its place or size is not what it was a moment ago.
     #[error("changed while it was baked")]
     Changed,
     /// A TIFF that is in other coordinates.
     #[error("is in {0}, neither in geographic WGS 84 coordinates (EPSG:4326) nor in UTM on WGS 84")]
     Crs(String),
+}
+
+impl From<io::Error> for InputError {
+    fn from(e: io::Error) -> Self {
+        Self::Io(e)
+    }
 }
 
 /// The reason of an I/O error in the words of a user.
@@ -70,7 +84,8 @@ impl InputError {
         match self {
             Self::Io(_) => "check the path and its permissions",
             Self::UnknownKind => {
-                "give .hgt, .hgt.gz, .zip with a .hgt in it, .tif, .tiff, .dt0, .dt1 or .dt2"
+                "give .hgt, .hgt.gz, .zip with a .hgt in it, .tif, .tiff, .dt0, .dt1, .dt2, or a plain grid: .txt, .asc, .csv, \
+                 .png, .raw"
             }
             Self::HgtName => {
                 "name it as N50E014.hgt: the latitude and longitude of its south-west corner"
@@ -83,6 +98,8 @@ impl InputError {
             Self::TiffKind(_) => {
                 "convert it to one band of Int16, UInt16 or Float32, say with gdal_translate -ot Int16"
             }
+            Self::Plain(_) => "see what `terrain bake --help` says of plain grids",
+            Self::NoBounds => "give --bounds S,W,N,E",
             Self::Georeference(_) => "write it again as GeoTIFF, say with gdal_translate",
             Self::Changed => "let nothing write to it and bake again",
             Self::Crs(_) => "convert it, say with gdalwarp -t_srs EPSG:4326",
@@ -90,18 +107,34 @@ impl InputError {
     }
 }
 
-/// Reads an elevation file of any kind.
+/// The most bytes of a gzipped plain grid.
+const PLAIN_BYTES_MAX: usize = 4 << 30;
+
+/// The kind of plain grid that a file is by its name.
+#[must_use]
+pub fn plain_kind(path: &Path) -> Option<PlainKind> {
+    plain::kind(&path.file_name()?.to_str()?.to_ascii_lowercase())
+}
+
+/// Reads an elevation file of any kind. A plain grid lies at `place`, if that was said.
 ///
 /// # Errors
 /// See [`InputError`].
-pub fn read(path: &Path) -> Result<Raster, InputError> {
+pub fn read(path: &Path, grids: &PlainGrids, place: Option<&Bounds>) -> Result<Raster, InputError> {
     let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
     let lower = name.to_ascii_lowercase();
+    if let Some(kind) = plain_kind(path) {
+        let mut bytes = fs::read(path).map_err(InputError::Io)?;
+        if lower.ends_with(".gz") {
+            bytes = archive::in_gzip(&bytes, PLAIN_BYTES_MAX)?;
+        }
+        return plain::read(kind, &bytes, grids, place);
+    }
     let bytes = || fs::read(path).map_err(InputError::Io);
     if lower.ends_with(".hgt") {
         read_hgt(name, &bytes()?)
     } else if lower.ends_with(".hgt.gz") {
-        read_hgt(name, &archive::in_gzip(&bytes()?)?)
+        read_hgt(name, &archive::in_gzip(&bytes()?, archive::HGT_BYTES_MAX)?)
     } else if lower.ends_with(".zip") {
         let (name, bytes) = archive::hgt_in_zip(bytes()?)?;
         read_hgt(&name, &bytes)

@@ -1,6 +1,6 @@
 //! The pack: one file that holds a terrain's tiles, and its reader. The writer is [`crate::terrain::store`].
 //!
-//! # Format 3
+//! # Format 4
 //!
 //! Little endian throughout, no gaps. CRC is CRC-32/ISO-HDLC (zlib's). *Post coordinates* are those of level 0 of
 //! [`Grid`]; a rectangle is south, west, north, east, all inclusive, and its east may pass 180 degrees.
@@ -18,7 +18,7 @@
 //! | byte | type | what |
 //! |---|---|---|
 //! | 0 | 8 bytes | `GLASWPCK` |
-//! | 8 | u32 | format, 3 |
+//! | 8 | u32 | format, 4 |
 //! | 12 | u32 | bytes of the header, 736 |
 //! | 16 | u64 | bytes of the file |
 //! | 24 | u32 | posts per degree of level 0 |
@@ -53,7 +53,8 @@
 //! each its rectangle (4 x i32) and its name (u16 length, UTF-8).
 //!
 //! Format 1 had no partitions and fewer levels; the coarse levels of format 2 were copies of some posts of the finest, among
-//! which summits went missing. Neither is read any more: packs are baked again from their sources.
+//! which summits went missing; tiles of format 3 with voids were predicted otherwise. None is read any more: packs are baked
+//! again from their sources.
 //!
 //! Every byte of the file is under one of the checksums: a flipped bit is always found, when the pack is opened (header,
 //! index, geoid, sources) or when the tile it is in is read.
@@ -75,7 +76,7 @@ pub use crate::terrain::grid::{Bounds, PostRect};
 /// First bytes of every pack.
 pub const MAGIC: [u8; 8] = *b"GLASWPCK";
 /// The format that this program writes, and the newest it reads.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 /// Bytes of the header.
 pub const HEADER_BYTES: usize = 160 + 3 * LEVELS_MAX * 16;
 /// Bytes of an index entry.

@@ -17,6 +17,7 @@ use glasswing::terrain::codec::{SurfaceKind, Tile};
 use glasswing::terrain::grid::TileKey;
 use glasswing::terrain::pack::{Bounds, Pack, TileReader};
 use glasswing::terrain::partition::Partition;
+use glasswing::terrain::plain::PlainGrids;
 
 /// A square of 1201 x 1201 samples over one degree, rows from the north.
 pub(crate) struct Cell {
@@ -216,9 +217,11 @@ pub(crate) fn baked_as(
     let stop = AtomicBool::new(false);
     let job = Job {
         inputs,
+        plain: &PlainGrids::default(),
         out,
         heights,
         region,
+        parts: None,
         jobs,
         stop: &stop,
     };

@@ -3,6 +3,8 @@
 
 pub mod accuracy;
 pub mod bench;
+pub mod codec;
+mod codec_report;
 pub mod drawn;
 pub mod flight;
 pub mod flights;
@@ -50,6 +52,14 @@ pub enum MeasureCommand {
     /// How fast it is drawn: frame times, work, triangles, and the error that they buy, for several sizes of level.
     #[command(after_help = "Example:\n  glasswing measure speed --pack andes.pack --plot plots")]
     Speed(SpeedArgs),
+    /// How small terrain becomes, how far it is from what it was, and how fast it is packed and unpacked.
+    ///
+    /// For every input the lossless codec, and the pyramid at every bound: bits a sample, largest and RMS error, samples a
+    /// second. A planet in memory serves where no input is given.
+    #[command(
+        after_help = "Example:\n  glasswing measure codec N50E014.hgt S33W071.tif --plot plots"
+    )]
+    Codec(codec::CodecArgs),
     /// Whether terrain keeps up with an eye that flies, turns and leaps, and what that costs a frame.
     ///
     /// Three flights: 300 km/h at 100 m, 900 km/h at 3 km with turns, a leap every 5 s; each from the pack as it is, throttled to
@@ -210,6 +220,7 @@ fn parse_shape(text: &str) -> Result<Shape, String> {
 pub fn run(command: MeasureCommand) -> Result<(), Failure> {
     match command {
         MeasureCommand::Latency(args) => latency::run(&args),
+        MeasureCommand::Codec(args) => codec::run(&args),
         MeasureCommand::Accuracy(args) => {
             let effort = accuracy::Effort {
                 only: args.only,

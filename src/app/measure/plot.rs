@@ -6,7 +6,7 @@ use serde_json::Value;
 use std::fmt::Write as _;
 
 /// A line of a plot: its name and its points.
-type Line = (String, Vec<(f64, f64)>);
+pub(super) type Line = (String, Vec<(f64, f64)>);
 
 /// Colours of lines, told apart in print too by their dashes.
 const COLOURS: [&str; 6] = [
@@ -105,7 +105,7 @@ fn short(v: f64) -> String {
 }
 
 /// Panels beside each other with one legend below.
-fn sheet(panels: &[(&str, &str, Vec<Line>)]) -> String {
+pub(super) fn sheet(panels: &[(&str, &str, Vec<Line>)]) -> String {
     let names: Vec<&String> = panels
         .first()
         .map_or(Vec::new(), |p| p.2.iter().map(|l| &l.0).collect());
