@@ -28,6 +28,8 @@ pub struct Caps {
     pub is_software: bool,
     /// The longest side of a 2D texture, texels. GLES 3.0 promises 2048; the V3D of a Raspberry Pi 4 has 4096.
     pub texture_size_max: u32,
+    /// The widest and highest viewport, pixels. GLES promises what a display has.
+    pub viewport_max: [u32; 2],
     /// The most samples per pixel of a renderbuffer. GLES 3.0 promises 4; softpipe has 1. Given as 0 for llvmpipe on
     /// aarch64, which ends with a segmentation fault in its own compiled code when it draws terrain with four samples and
     /// depth (Mesa 22.3.6, LLVM 15.0.6, under emulation; the same draws pass on x86-64, and on aarch64 without samples).
@@ -52,6 +54,9 @@ impl Caps {
             let value = unsafe { gl.get_parameter_i32(name) };
             u32::try_from(value).unwrap_or(0)
         };
+        let mut viewport_max = [0_i32; 2];
+        // SAFETY: as above; this name has two values.
+        unsafe { gl.get_parameter_i32_slice(glow::MAX_VIEWPORT_DIMS, &mut viewport_max) };
         let (version, renderer) = (text(glow::VERSION), text(glow::RENDERER));
         let found = gl.version();
         let (flavour, needed) = if found.is_embedded {
@@ -83,6 +88,7 @@ impl Caps {
             vendor: text(glow::VENDOR),
             version,
             is_software,
+            viewport_max: viewport_max.map(|side| u32::try_from(side).unwrap_or(0)),
             texture_size_max: number(glow::MAX_TEXTURE_SIZE),
             samples_max: if cfg!(target_arch = "aarch64") && renderer.contains("llvmpipe") {
                 0

@@ -1,12 +1,13 @@
-//! Draws the terrain: the textures of the levels of each [`Scene`] of a [`World`], and one instanced draw for each level of
-//! the scene that is drawn, two for the finest. The caps have a program of their own, with another expression for positions.
-//! While one partition gives way to another there are two scenes in the picture: [`TerrainRenderer::draw_going`].
+//! Draws the terrain: the textures of the levels of each [`Scene`] of a [`World`], and one or two instanced draws for each level
+//! of the scene that is drawn, one more for the finest ([`crate::terrain::slices`]). The caps have a program of their own, with
+//! another expression for positions. While one partition gives way to another there are two scenes in the picture: [`TerrainRenderer::draw_going`].
 //!
 //! Uploads never touch what the GPU may still read: levels have two sets of textures, see [`super::level_textures`], and
 //! tables and blocks rotate through three textures and buffers.
 
 mod plan_buffers;
 pub mod record;
+mod wide;
 
 use std::io;
 use std::rc::Rc;
@@ -16,6 +17,7 @@ use arrayvec::ArrayVec;
 use glow::HasContext as _;
 
 use self::plan_buffers::PlanBuffers;
+use self::wide::Wide;
 use super::buffer::{Buffer, Primitive, Role};
 use super::level_textures::LevelTextures;
 use super::look::{Look, LookUniforms, Variant, with_relief};
@@ -27,7 +29,7 @@ use crate::terrain::blocks::pattern_indices;
 use crate::terrain::budget;
 use crate::terrain::clipmap::torus_texel;
 use crate::terrain::partition::Partition;
-use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Scene, Settings};
+use crate::terrain::scene::{BadCamera, FrameFigures, LevelPlan, Plan, Scene, Settings};
 use crate::terrain::slices::Slice;
 use crate::terrain::stream::NoTerrain;
 use crate::terrain::surface::TileSource;
@@ -315,15 +317,29 @@ impl TerrainRenderer {
         self.world.drawn()
     }
 
-    /// Draw calls of the planned frame: one for each slice of depth, see [`crate::terrain::slices`]; two for each of the
+    /// Draw calls of the planned frame: one or two for each slice of depth, see [`crate::terrain::slices`]; two for each of the
     /// partition that is going.
     #[must_use]
     pub fn draw_calls(&self) -> usize {
-        let of = |at: usize| -> usize {
+        let slices = |at: usize| {
             let levels = &self.world.scenes()[at].plan().levels;
-            levels.iter().map(|level| level.slices.len()).sum()
+            levels.iter().flat_map(|level| &level.slices)
         };
-        self.world.drawn_index().map_or(0, of) + 2 * self.world.going().map_or(0, |(at, _)| of(at))
+        let drawn = self.world.drawn_index().map_or(0, |at| {
+            if self.viewport(self.world.scenes()[at].plan()).is_some() {
+                slices(at).map(Slice::draw_calls).sum()
+            } else {
+                slices(at).count()
+            }
+        });
+        let going = self.world.going().map_or(0, |(at, _)| slices(at).count());
+        drawn + 2 * going
+    }
+
+    /// Whether something is still wanted, of the partition beyond a near seam too.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        self.world.is_waiting()
     }
 
     fn resident_bytes(&self) -> usize {
@@ -354,8 +370,16 @@ impl TerrainRenderer {
         let plan = scene.plan();
         shader.program.bind();
         buffers.table().bind(TABLE);
-        self.set_frame(shader, scene, look);
-        self.begin(pass);
+        let wide = self.viewport(plan);
+        self.set_frame(
+            shader,
+            scene,
+            wide.map_or([1.0, 1.0], |wide| wide.shares),
+            look,
+        );
+        self.begin(pass, wide.as_ref());
+        // While a partition goes, all sides of it are drawn: calls are few, and its time is short.
+        let turns = wide.is_some() && matches!(pass, Pass::Whole | Pass::Range);
         for level in plan.levels.iter().filter(|level| level.blocks.1 > 0) {
             self.set_level(shader, scene, textures, level);
             if let (Some(at), Some(lines)) = (&shader.lines, look.lines) {
@@ -365,8 +389,7 @@ impl TerrainRenderer {
             }
             for slice in &level.slices {
                 self.set_slice(shader, slice);
-                let array = buffers.blocks_from(slice.blocks.0);
-                array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(slice.blocks.1));
+                self.draw_slice(buffers, slice, turns);
             }
         }
         let gl = self.gpu.gl();
@@ -378,16 +401,31 @@ impl TerrainRenderer {
             gl.color_mask(true, true, true, true);
             gl.disable(glow::BLEND);
             gl.disable(glow::DEPTH_TEST);
+            gl.disable(glow::CULL_FACE);
+            let (width, height) = plan.size_px;
+            gl.viewport(0, 0, width.cast_signed(), height.cast_signed());
         }
     }
 
-    fn begin(&self, pass: Pass) {
+    /// How the viewport of a plan is widened; `None` where the GPU has none that large.
+    fn viewport(&self, plan: &Plan) -> Option<Wide> {
+        Wide::of(plan.size_px, self.gpu.caps().viewport_max)
+    }
+
+    fn begin(&self, pass: Pass, wide: Option<&Wide>) {
         let gl = self.gpu.gl();
         // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
         unsafe {
+            if let Some(wide) = wide {
+                let (x, y) = wide.corner;
+                gl.viewport(x, y, wide.size.0, wide.size.1);
+            }
             gl.enable(glow::DEPTH_TEST);
             gl.disable(glow::BLEND);
             gl.disable(glow::CULL_FACE);
+            // Triangles are counter-clockwise seen from above.
+            gl.cull_face(glow::BACK);
+            gl.front_face(glow::CCW);
             gl.depth_func(glow::LESS);
             gl.depth_mask(true);
             match pass {
@@ -405,6 +443,29 @@ impl TerrainRenderer {
         }
     }
 
+    /// `turns`: whether what of a slice can be drawn without lower sides, which comes last, is.
+    fn draw_slice(&self, buffers: &PlanBuffers, slice: &Slice, turns: bool) {
+        let turned = if turns { slice.turned } else { 0 };
+        let (first, count) = slice.blocks;
+        let plain = count - turned;
+        for (first, count, is_turned) in [(first, plain, false), (first + plain, turned, true)] {
+            if count == 0 {
+                continue;
+            }
+            let gl = self.gpu.gl();
+            // SAFETY: the context is current on this thread (Gpu is !Send); no pointers.
+            unsafe {
+                if is_turned {
+                    gl.enable(glow::CULL_FACE);
+                } else {
+                    gl.disable(glow::CULL_FACE);
+                }
+            }
+            let array = buffers.blocks_from(first);
+            array.draw_indexed(Primitive::Triangles, 0, self.indices, texel(count));
+        }
+    }
+
     fn set_slice(&self, shader: &Shader, slice: &Slice) {
         let gl = self.gpu.gl();
         // SAFETY: the context is current on this thread (Gpu is !Send); the program is bound, the locations its own.
@@ -418,7 +479,7 @@ impl TerrainRenderer {
         clippy::cast_possible_truncation,
         reason = "numbers for the shader, which is f32"
     )]
-    fn set_frame(&self, shader: &Shader, scene: &Scene, look: &Look) {
+    fn set_frame(&self, shader: &Shader, scene: &Scene, shares: [f32; 2], look: &Look) {
         let gl = self.gpu.gl();
         let plan = scene.plan();
         let heights = scene.heights();
@@ -436,8 +497,9 @@ impl TerrainRenderer {
             if let Some(at) = &shader.scale {
                 gl.uniform_2_f32_slice(Some(at), &scale);
             }
-            for (at, row) in shader.clip.iter().zip(&plan.projection) {
-                gl.uniform_3_f32_slice(Some(at), row);
+            let shares = [shares[0], shares[1], 1.0];
+            for ((at, row), share) in shader.clip.iter().zip(&plan.projection).zip(shares) {
+                gl.uniform_3_f32_slice(Some(at), &row.map(|v| v * share));
             }
             if let Some(at) = &shader.bulge {
                 gl.uniform_4_f32_slice(Some(at), &plan.bulge);

@@ -153,6 +153,20 @@ pub struct Span {
     pub far_m: f64,
 }
 
+/// See [`Seen::is_whole`].
+pub const WIDE: u32 = 2;
+
+/// How a block is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// How far away it is.
+    pub span: Span,
+    /// None of it is nearer than this along the optical axis, metres.
+    pub deep_m: f64,
+    /// Whether all of it is known to lie inside a picture that is [`WIDE`] times as wide and as high around the same middle.
+    pub is_whole: bool,
+}
+
 /// A camera prepared for culling.
 #[derive(Clone, Copy, Debug)]
 pub struct Viewer {
@@ -160,6 +174,8 @@ pub struct Viewer {
     eye_height_m: f64,
     /// Inward normals of the picture's sides, all through the eye, Earth-centred axes.
     sides: [DVec3; 4],
+    /// Those of the wide picture.
+    wide: [DVec3; 4],
     ahead: DVec3,
     /// Semi-axes of an ellipsoid that lies below all terrain: what hides what is behind it.
     occluder: DVec3,
@@ -186,6 +202,14 @@ impl Viewer {
             f64::from(camera.width_px) / 2.0,
             f64::from(camera.height_px) / 2.0,
         );
+        let sides = |wide: f64| {
+            [
+                side(1.0, 0.0, w * wide),
+                side(-1.0, 0.0, w * wide),
+                side(0.0, 1.0, h * wide),
+                side(0.0, -1.0, h * wide),
+            ]
+        };
         let eye = camera.eye.to_ecef();
         let drop = height_min_m - OCCLUDER_MARGIN_M;
         let occluder = DVec3::new(WGS84_A_M + drop, WGS84_A_M + drop, WGS84_B_M + drop);
@@ -193,12 +217,8 @@ impl Viewer {
         Self {
             eye,
             eye_height_m: camera.eye.height_ellipsoid.0,
-            sides: [
-                side(1.0, 0.0, w),
-                side(-1.0, 0.0, w),
-                side(0.0, 1.0, h),
-                side(0.0, -1.0, h),
-            ],
+            sides: sides(1.0),
+            wide: sides(f64::from(WIDE)),
             ahead: -axes.z_axis,
             occluder,
             horizon: if beyond > 0.0 {
@@ -222,6 +242,7 @@ impl Viewer {
         ViewerFrom {
             offset: offset.as_vec3(),
             sides: self.sides.map(plane),
+            wide: self.wide.map(plane),
             ahead: plane(self.ahead),
             eye_height_m: self.eye_height_m as f32,
             to_sphere: (1.0 / self.occluder).as_vec3(),
@@ -238,6 +259,7 @@ pub struct ViewerFrom {
     offset: Vec3,
     /// Planes: the normal, and the origin's distance inside.
     sides: [(Vec3, f32); 4],
+    wide: [(Vec3, f32); 4],
     ahead: (Vec3, f32),
     eye_height_m: f32,
     /// Makes the occluder a unit sphere.
@@ -248,11 +270,12 @@ pub struct ViewerFrom {
 }
 
 impl ViewerFrom {
-    /// How far away a block is, or `None` if no part of it can be in the picture. Errs on the side of drawing.
+    /// How a block is seen, or `None` if no part of it can be in the picture. Errs on the side of drawing.
     #[must_use]
-    pub fn sees(&self, bound: &Bound) -> Option<Span> {
+    pub fn sees(&self, bound: &Bound) -> Option<Seen> {
         let r = bound.radius_m;
         let inside = |(n, origin): &(Vec3, f32)| n.dot(bound.centre) + origin >= -r;
+        let wholly_inside = |(n, origin): &(Vec3, f32)| n.dot(bound.centre) + origin >= r;
         // By no more than the block can bulge, some corner must be inside each side of the picture.
         let reaches_in = |(n, origin): &(Vec3, f32)| {
             let most = bound.low.dot(*n).max(bound.high.dot(*n));
@@ -275,9 +298,13 @@ impl ViewerFrom {
         let distance = to.length();
         // A surface higher than all of the block is at least the difference of heights away.
         let above = self.eye_height_m - bound.height_max_m;
-        Some(Span {
-            near_m: (distance - r).max(above).into(),
-            far_m: (distance + r).into(),
+        Some(Seen {
+            span: Span {
+                near_m: (distance - r).max(above).into(),
+                far_m: (distance + r).into(),
+            },
+            deep_m: (self.ahead.0.dot(bound.centre) + self.ahead.1 - r).into(),
+            is_whole: self.wide.iter().all(wholly_inside),
         })
     }
 }
@@ -326,10 +353,39 @@ mod tests {
             if inside && near {
                 // Counted from somewhere near, as a window's blocks are.
                 let origin = Geodetic::from_degrees(lat + 0.1, lon - 0.1, 0.0).to_ecef();
-                let span = Viewer::new(&camera, 0.0).from(origin).sees(&Bound::of(&patch, origin));
-                prop_assert!(span.is_some());
-                let span = span.expect("just seen");
+                let seen = Viewer::new(&camera, 0.0).from(origin).sees(&Bound::of(&patch, origin));
+                prop_assert!(seen.is_some());
+                let span = seen.expect("just seen").span;
                 prop_assert!(span.near_m <= to.length() && to.length() <= span.far_m);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_point_of_a_whole_block_is_outside_the_wide_picture(
+            lat in -80.0..80.0_f64, h in 6000.0..18_000.0_f64,
+            heading in 0.0..360.0_f64, pitch in -90.0..-20.0_f64, roll in -180.0..180.0_f64,
+            dlat in -0.2..0.2_f64, dlon in -0.2..0.2_f64, size in 0.001..0.1_f64,
+            fx in 0.0..1.0_f64, fy in 0.0..1.0_f64, fh in 0.0..1.0_f64, relief in 0.0..5000.0_f64,
+        ) {
+            let camera = camera(lat, 12.0, h, (heading, pitch, roll), 60.0);
+            let patch = Patch {
+                partition: Partition::Geographic,
+                south_deg: lat + dlat, north_deg: lat + dlat + size,
+                west_deg: 12.0 + dlon, east_deg: 12.0 + dlon + size,
+                height_min_m: 0.0, height_max_m: relief,
+            };
+            let origin = Geodetic::from_degrees(lat + 0.1, 11.9, 0.0).to_ecef();
+            let seen = Viewer::new(&camera, 0.0).from(origin).sees(&Bound::of(&patch, origin));
+            if let Some(seen) = seen.filter(|seen| seen.is_whole) {
+                let point = Geodetic::from_degrees(
+                    patch.south_deg + fy * size, patch.west_deg + fx * size, fh * relief,
+                ).to_ecef();
+                let p = camera.eye_to_ecef().transpose() * (point - camera.eye.to_ecef());
+                let f = camera.focal_px();
+                prop_assert!(p.z < 0.0 && -p.z >= seen.deep_m);
+                prop_assert!((p.x / -p.z * f).abs() <= 1024.0 && (p.y / -p.z * f).abs() <= 600.0);
             }
         }
     }

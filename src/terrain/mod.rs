@@ -62,6 +62,7 @@ pub mod tables;
 pub mod texel;
 mod tile_cache;
 pub mod truth;
+pub mod under;
 pub mod utm;
 pub mod worker;
 pub mod world;

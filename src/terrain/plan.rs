@@ -31,6 +31,23 @@ pub struct LevelPlan {
 }
 
 impl LevelPlan {
+    /// One with nothing in it.
+    #[cfg(test)]
+    pub(super) const EMPTY: Self = Self {
+        level: 0,
+        window: Window { i: 0, j: 0 },
+        cells: 0,
+        morph: Morph {
+            x: 0.0,
+            y: 0.0,
+            start: 0.0,
+            end: 1.0,
+        },
+        has_coarser: false,
+        blocks: (0, 0),
+        slices: Slices::new_const(),
+    };
+
     /// What is drawn of it.
     #[must_use]
     pub const fn extent(&self) -> Extent {
@@ -61,10 +78,16 @@ pub struct Plan {
     pub anchor_code: u16,
     /// Rows of the projection: clip x, clip y and clip w of a position.
     pub projection: [[f32; 3]; 3],
+    /// The picture's width and height, pixels.
+    pub size_px: (u32, u32),
     /// Heading of the view against grid north.
     pub heading: Radians,
     /// Triangles with an area.
     pub triangles: usize,
+    /// Whether the eye is known to be above what is drawn under it, by enough for nothing of that to be nearer than the
+    /// picture's beginning. Then no triangle shows its lower side, since ground is a height over the ellipsoid, and what is
+    /// seen from below lies behind what is seen from above.
+    pub is_above_ground: bool,
 }
 
 /// What a frame did.

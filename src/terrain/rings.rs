@@ -3,7 +3,7 @@
 
 use super::blocks::{BLOCKS_MAX, Block, Blocks, ring};
 use super::clipmap::{self, CellRect, Extent, Shape};
-use super::cull::{Bound, Patch, Span, Viewer};
+use super::cull::{Bound, Patch, Seen, Viewer, WIDE};
 use super::grid::Grid;
 use super::partition::Partition;
 use super::plan::{LevelPlan, Plan};
@@ -91,7 +91,7 @@ struct Candidate {
     /// Which level of the plan, and which block of its ring.
     at: u8,
     block: u16,
-    span: Span,
+    seen: Seen,
     is_hidden: bool,
 }
 
@@ -115,8 +115,9 @@ pub(super) struct Rings {
     by_near: Vec<Far>,
     by_far: Vec<Far>,
     followed: Vec<Followed>,
-    /// The candidates that are drawn: level of the plan, bits of their distance, number.
-    drawn: Vec<(u8, u32, u16)>,
+    /// The candidates that are drawn: level of the plan, whether they are wholly in the picture, bits of their distance,
+    /// number.
+    drawn: Vec<(u8, bool, u32, u16)>,
     silhouette: Silhouette,
     /// Counts frames, for taking turns.
     turn: u16,
@@ -173,57 +174,76 @@ impl Rings {
     }
 
     /// Puts the blocks that the camera can see into the plan, and shares out the depths. No terrain is lower
-    /// than `height_min_m`. `is_above_ground`: see [`Silhouette::begin`].
+    /// than `height_min_m`. `hides`: whether blocks behind nearer ground are left out.
     pub(super) fn cut(
         &mut self,
         ground: &Ground<'_>,
         camera: &Camera,
         height_min_m: f64,
-        is_above_ground: bool,
+        hides: bool,
         plan: &mut Plan,
     ) {
-        self.silhouette.begin(camera, is_above_ground);
+        self.silhouette.begin(camera, hides && plan.is_above_ground);
         self.find(ground, &Viewer::new(camera, height_min_m), &plan.levels);
         if self.silhouette.is_used() {
             self.hide(ground, &plan.levels);
         }
         let f = camera.focal_px();
         let (w, h) = (f64::from(camera.width_px), f64::from(camera.height_px));
-        // A distance along a ray is at least this much of it along the optical axis.
+        // A distance along a ray of the wide picture is at least this much of it along the optical axis. In the picture alone it
+        // would be more; but then planes of two slices would cut a side that both share at two places beyond the picture,
+        // and a cut side runs a hair's breadth beside the whole one.
+        let (w, h) = (f64::from(WIDE) * w + 1.0, f64::from(WIDE) * h + 1.0);
         let along = f / (f * f + (w * w + h * h) / 4.0).sqrt();
         plan.blocks.clear();
         plan.triangles = 0;
-        self.order();
+        let core = plan.levels.first().map(|finest| ground.core(finest));
+        let near_m = self.order(core.as_ref(), along);
         let mut drawn = self.drawn.iter().peekable();
         let eye_m = camera.eye.height_ellipsoid.0;
         for (at, level) in plan.levels.iter_mut().enumerate() {
             let ring = &self.rings[usize::from(level.level)];
-            let mut cut = Cut::of((at == 0).then(|| ground.core(level)));
+            let mut cut = Cut::of(core.filter(|_| at == 0));
             let first = plan.blocks.len();
-            while let Some((_, _, c)) = drawn.next_if(|c| usize::from(c.0) == at) {
+            while let Some((_, is_whole, _, c)) = drawn.next_if(|c| usize::from(c.0) == at) {
                 let c = &self.candidates[usize::from(*c)];
                 let block = ring.blocks[usize::from(c.block)];
                 plan.triangles += block.triangles();
-                cut.push(block, c.span, ring.rise_m(c.block, eye_m), &mut plan.blocks);
+                let rise_m = ring.rise_m(c.block, eye_m);
+                cut.push(block, (c.seen.span, *is_whole), rise_m, &mut plan.blocks);
             }
-            level.slices = cut.finish(along, first, &mut plan.blocks);
+            level.slices = cut.finish(along, near_m[at], first, &mut plan.blocks);
             level.blocks = (first, plan.blocks.len() - first);
         }
         slices::share_out(&mut plan.levels);
+        slices::turn(&mut plan.levels, plan.is_above_ground);
     }
 
-    /// Lists what is drawn, level by level, in each the nearest first: what it covers is rejected before it is coloured.
-    fn order(&mut self) {
+    /// Lists what is drawn, level by level, in each what nothing clips last, and the nearest first: what it covers is rejected
+    /// before it is coloured. Returns where each level is cut off before the eye, if it is cut off as planned.
+    fn order(&mut self, core: Option<&Core>, along: f64) -> [f64; LEVELS_MAX] {
+        let mut near_m = [f64::INFINITY; LEVELS_MAX];
+        for c in self.candidates.iter().filter(|c| !c.is_hidden) {
+            let nearest = &mut near_m[usize::from(c.at)];
+            *nearest = nearest.min(c.seen.span.near_m);
+        }
+        for (at, near_m) in near_m.iter_mut().enumerate() {
+            *near_m = Cut::near_m(core.filter(|_| at == 0), *near_m, along);
+        }
         self.drawn.clear();
         let shown = (0..).zip(&self.candidates).filter(|(_, c)| !c.is_hidden);
         #[expect(
             clippy::cast_possible_truncation,
             reason = "it only says which is nearer"
         )]
-        let near = |c: &Candidate| (c.span.near_m.max(0.0) as f32).to_bits();
+        let near = |c: &Candidate| (c.seen.span.near_m.max(0.0) as f32).to_bits();
+        // A hundredth more than the plane is at: for rounding.
+        let is_whole =
+            |c: &Candidate| c.seen.is_whole && c.seen.deep_m > 1.01 * near_m[usize::from(c.at)];
         self.drawn
-            .extend(shown.map(|(number, c)| (c.at, near(c), number)));
+            .extend(shown.map(|(number, c)| (c.at, is_whole(c), near(c), number)));
         self.drawn.sort_unstable();
+        near_m
     }
 
     /// Lists the blocks inside the picture's sides and before the horizon, level by level.
@@ -252,7 +272,7 @@ impl Rings {
                     let Some(Laid { bound, .. }) = &ring.laid[usize::from(block)] else {
                         continue;
                     };
-                    let Some(span) = viewer.sees(bound) else {
+                    let Some(seen) = viewer.sees(bound) else {
                         continue;
                     };
                     #[expect(clippy::cast_possible_truncation, reason = "below 12 x 2704")]
@@ -260,7 +280,7 @@ impl Rings {
                     self.candidates.push(Candidate {
                         at,
                         block,
-                        span,
+                        seen,
                         is_hidden: false,
                     });
                     if self.silhouette.is_used() {

@@ -13,6 +13,7 @@ use super::rings::{Ground, Rings};
 use super::stream::{NoTerrain, Sink, Streamer, Uploads};
 use super::surface::{TILES_KEPT, TileSource};
 use super::tables::{Anchor, AnchorPost, HeightCode};
+use super::under::Under;
 use super::worker::{Means, Worker};
 use crate::geo::{Camera, Geodetic};
 use crate::limits::LEVELS_MAX;
@@ -175,8 +176,10 @@ impl Scene {
                 bulge: [0.0; 4],
                 anchor_code: 0,
                 projection: [[0.0; 3]; 3],
+                size_px: (0, 0),
                 heading: Radians(0.0),
                 triangles: 0,
+                is_above_ground: false,
             },
             figures: FrameFigures::default(),
         }
@@ -358,8 +361,13 @@ impl Scene {
         Reaches::of(shape, self.grid, self.levels, &self.errors_m, &view, top_m)
     }
 
+    /// Latitude of the last frame's eye in the partition's grid, degrees.
+    pub(super) const fn eye_latitude_deg(&self) -> f64 {
+        self.latitude_deg
+    }
+
     /// The eye's post position on a level.
-    fn eye_on(&self, level: u8) -> (f64, f64) {
+    pub(super) fn eye_on(&self, level: u8) -> (f64, f64) {
         let scale = f64::from(1_u32 << level);
         (self.eye_posts.0 / scale, self.eye_posts.1 / scale)
     }
@@ -474,15 +482,8 @@ impl Scene {
 
     /// Chooses what is drawn of the levels.
     fn cut(&mut self, camera: &Camera) {
-        let hides = self.settings.leaves_out_hidden;
-        let is_above_ground = self.plan.levels.first().is_some_and(|finest| {
-            let (x, y) = self.eye_on(finest.level);
-            self.streamer
-                .ground_code(finest.level, x, y)
-                .is_ok_and(|code| {
-                    camera.eye.height_ellipsoid.0 > self.heights.base_m + code * self.heights.unit_m
-                })
-        });
+        self.plan.is_above_ground =
+            Under::of(self).is_some_and(|under| under.is_cleared_by(camera));
         let ground = Ground {
             partition: self.partition,
             grid: self.grid,
@@ -497,7 +498,7 @@ impl Scene {
             &ground,
             camera,
             self.height_min_m,
-            hides && is_above_ground,
+            self.settings.leaves_out_hidden,
             &mut self.plan,
         );
     }
@@ -517,6 +518,7 @@ impl Scene {
         let f = camera.focal_px();
         let axes = camera.eye_to_ecef();
         let row = |v: DVec3| [v.x as f32, v.y as f32, v.z as f32];
+        self.plan.size_px = (camera.width_px, camera.height_px);
         self.plan.projection = [
             row(axes.x_axis * (2.0 * f / f64::from(camera.width_px))),
             row(axes.y_axis * (2.0 * f / f64::from(camera.height_px))),

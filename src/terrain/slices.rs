@@ -8,7 +8,7 @@
 //!
 //! A slice from `n` to `f` that has the share `s` of the depths tells distances `d^2 / (n s 2^24)` apart. The shares are as the ratios
 //! `f / n`, which makes `d / (sum of all ratios 2^-24)` of it at the far end of every slice, and less before. With 3-second
-//! posts the sum is 1300 (core, from 0.2 m) and 640 (rest) and 5 for each coarser level: a step is at most 1.3e-4 of the distance,
+//! posts the sum is 1300 (core, from 0.2 m) and 890 (rest) and 7 for each coarser level: a step is at most 1.4e-4 of the distance,
 //! an eighth of a pixel at 1024 pixels for 60 degrees.
 
 use super::blocks::Block;
@@ -37,6 +37,8 @@ pub struct Slice {
     pub depth: (f32, f32),
     /// Its depths, from 0 to 1.
     pub range: (f32, f32),
+    /// How many of its blocks, the last ones, can be drawn without the lower sides of triangles, see [`turn`].
+    pub turned: usize,
 }
 
 impl Slice {
@@ -60,7 +62,14 @@ impl Slice {
             far_m,
             depth,
             range: (0.0, 1.0),
+            turned: 0,
         }
+    }
+
+    /// In how many calls it is drawn.
+    #[must_use]
+    pub const fn draw_calls(&self) -> usize {
+        1 + (self.turned > 0 && self.turned < self.blocks.1) as usize
     }
 
     /// How far apart two points must be along the optical axis, one of them at `distance_m`, to be told apart by 24 bits of
@@ -96,6 +105,29 @@ fn share(slices: &mut [&mut Slice]) {
         let near = far;
         far += slice.ratio() / ratios;
         slice.range = (near as f32, far.min(1.0) as f32);
+    }
+}
+
+/// So many slices at most are drawn in two calls.
+const SPLITS_MAX: usize = 6;
+
+/// Decides of which blocks only upper sides are drawn: from above ground the lower ones lie behind them. A third of all
+/// triangles are seen from below.
+///
+/// Only blocks that nothing clips are taken ([`Cut::push`]). Rasterisers move corners to a raster finer than pixels, by
+/// which a narrow triangle may turn over. Whoever judges sides after that leaves no gap, since whole surfaces have one more
+/// upper side than lower ones over each pixel, before it and after. Mesa's software renderers clip a block with all its
+/// triangles in a path of their own, which judges before, and leaves out such a triangle although its neighbours do not
+/// cover it. So that few blocks are clipped, the viewport is larger than the picture ([`super::cull::WIDE`]).
+pub fn turn(levels: &mut [LevelPlan], is_above_ground: bool) {
+    let mut splits = 0;
+    for slice in levels.iter_mut().flat_map(|level| &mut level.slices) {
+        let is_split = slice.turned < slice.blocks.1;
+        let pays = 2 * slice.turned > slice.blocks.1;
+        if !is_above_ground || (is_split && (!pays || splits == SPLITS_MAX)) {
+            slice.turned = 0;
+        }
+        splits += slice.draw_calls() - 1;
     }
 }
 
@@ -167,6 +199,7 @@ pub struct Cut {
     inside: ArrayVec<Block, CORE_CELLS>,
     inside_span: Option<Span>,
     rest_span: Option<Span>,
+    whole: usize,
 }
 
 impl Cut {
@@ -178,12 +211,27 @@ impl Cut {
             inside: ArrayVec::new(),
             inside_span: None,
             rest_span: None,
+            whole: 0,
         }
     }
 
+    /// The near plane of what is not the core's, where the nearest of the level's blocks is `nearest_m` away; never nearer than
+    /// that. `along`: see [`Self::finish`].
+    #[must_use]
+    pub fn near_m(core: Option<&Core>, nearest_m: f64, along: f64) -> f64 {
+        let clear_m = core.map_or(0.0, |core| core.clear_m);
+        (nearest_m.max(clear_m) * along).max(NEAR_MIN_M)
+    }
+
     /// Adds a block that lies within a span, and no more than `rise_m` above or below the eye; what is not the core's goes
-    /// to `out`.
-    pub fn push(&mut self, block: Block, span: Span, rise_m: f64, out: &mut Vec<Block>) {
+    /// to `out`. Those that are `whole`, which nothing clips if [`Self::near_m`] is their slice's, must come last.
+    pub fn push(
+        &mut self,
+        block: Block,
+        (span, is_whole): (Span, bool),
+        rise_m: f64,
+        out: &mut Vec<Block>,
+    ) {
         let grow = |to: &mut Option<Span>, span: Span| {
             let so_far = to.unwrap_or(span);
             *to = Some(Span {
@@ -200,14 +248,18 @@ impl Cut {
         }
         if rest != [None; 4] {
             grow(&mut self.rest_span, span);
+            let before = out.len();
             out.extend(rest.into_iter().flatten());
+            if is_whole {
+                self.whole += out.len() - before;
+            }
         }
     }
 
     /// The slices of the level, whose blocks begin at the `first` of `out`; the core's are added to them. A distance along a
-    /// ray is at least the share `along` of it along the optical axis.
+    /// ray is at least the share `along` of it along the optical axis. `near_m`: where whole blocks are not clipped.
     #[must_use]
-    pub fn finish(self, along: f64, first: usize, out: &mut Vec<Block>) -> Slices {
+    pub fn finish(self, along: f64, near_m: f64, first: usize, out: &mut Vec<Block>) -> Slices {
         let mut slices = Slices::new();
         let rest = (first, out.len() - first);
         let slice = |blocks, span: Span| {
@@ -222,7 +274,13 @@ impl Cut {
             if let Some(core) = self.core {
                 span.near_m = span.near_m.max(core.clear_m);
             }
-            slices.push(slice(rest, span));
+            let slice = slice(rest, span);
+            let turned = if slice.near_m <= near_m {
+                self.whole
+            } else {
+                0
+            };
+            slices.push(Slice { turned, ..slice });
         }
         slices
     }
@@ -259,6 +317,40 @@ mod tests {
             }
         }
         assert_eq!(taken, 9, "the two blocks that it lies in");
+    }
+
+    #[test]
+    fn a_slice_is_drawn_in_two_calls_only_where_that_pays_and_there_are_calls_left() {
+        let level = |blocks: usize, turned: usize| {
+            let span = Span {
+                near_m: 1.0,
+                far_m: 2.0,
+            };
+            let mut slices = Slices::new();
+            slices.push(Slice {
+                turned,
+                ..Slice::new((0, blocks), span)
+            });
+            slices
+        };
+        let turned = |is_above_ground: bool, of: &[(usize, usize)]| -> Vec<usize> {
+            let mut levels: Vec<LevelPlan> = of
+                .iter()
+                .map(|&(blocks, turned)| LevelPlan {
+                    slices: level(blocks, turned),
+                    ..LevelPlan::EMPTY
+                })
+                .collect();
+            turn(&mut levels, is_above_ground);
+            let calls: usize = levels.iter().map(|l| l.slices[0].draw_calls()).sum();
+            assert!(calls <= of.len() + SPLITS_MAX, "{calls} calls");
+            levels.iter().map(|l| l.slices[0].turned).collect()
+        };
+        let slices = [(10, 10), (10, 4), (10, 6), (10, 0)];
+        assert_eq!(turned(true, &slices), [10, 0, 6, 0]);
+        assert_eq!(turned(false, &slices), [0; 4], "from below ground");
+        let many = turned(true, &[(10, 9); 8]);
+        assert_eq!(many, [9, 9, 9, 9, 9, 9, 0, 0], "six in two calls");
     }
 
     #[test]

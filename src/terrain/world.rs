@@ -220,6 +220,16 @@ impl World {
         &self.scenes
     }
 
+    /// Whether levels of any scene are wanted and not whole, of one that is not drawn yet too.
+    #[must_use]
+    pub fn is_waiting(&self) -> bool {
+        let is_waiting = |scene: &Scene| {
+            let figures = scene.figures();
+            figures.levels_wanted != (0, 0) && !figures.is_whole()
+        };
+        self.scenes.iter().any(is_waiting)
+    }
+
     /// Figures of the last frame; draw calls and bytes of tables and blocks are added by whoever draws.
     #[must_use]
     pub const fn figures(&self) -> FrameFigures {

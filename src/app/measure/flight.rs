@@ -25,6 +25,9 @@ use std::time::Duration;
 /// Frames a second: the slowest that is flown, whose frames differ most.
 pub const RATE_HZ: f64 = 30.0;
 
+/// Frames before the first one of a flight at most: half a minute.
+const RESTS_MAX: u32 = 900;
+
 /// A straight flight at a steady height over the ground.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
@@ -224,6 +227,14 @@ pub fn fly(
         before.eye.latitude.0 -= (0.08 * f64::from(steps)).to_radians();
         before.eye.height_ellipsoid.0 += 9000.0 * f64::from(u8::from(steps > 0));
         bench.settle(&before)?;
+    }
+    // On the way here a flight would have had time to stream the grid beyond a seam, for which settling does not wait.
+    for _ in 0..RESTS_MAX {
+        bench.step(&path.camera(field, 0), QUOTA)?;
+        if !bench.terrain.is_waiting() {
+            break;
+        }
+        std::thread::park_timeout(Duration::from_secs_f64(1.0 / RATE_HZ));
     }
     let mut out = Flown {
         points: points.all().len(),

@@ -8,7 +8,7 @@
 use crate::app::error::Failure;
 use crate::app::measure::bench::{Bench, Dice, QUOTA, camera};
 use crate::app::measure::position::{above_ground, hard_cases};
-use crate::app::measure::watertight::{Under, holes};
+use crate::app::measure::watertight::holes;
 use crate::geo::{Camera, Geodetic};
 use crate::gl::Gpu;
 use crate::terrain::clipmap::Shape;
@@ -16,6 +16,7 @@ use crate::terrain::pack::PackInfo;
 use crate::terrain::planet::{Kind, Planet};
 use crate::terrain::scene::{FrameFigures, Settings};
 use crate::terrain::surface::TileSource;
+use crate::terrain::under::Under;
 use serde_json::{Value, json};
 use std::ops::Range;
 use std::rc::Rc;
@@ -259,7 +260,7 @@ fn random_view(
     // the ground, or higher above it than meant.
     for _ in 0..4 {
         let figures = bench.settle(&view)?;
-        let Some(under) = Under::of(bench, &view.eye) else {
+        let Some(under) = bench.terrain.scene().and_then(Under::of) else {
             return Ok((view, figures));
         };
         let least_m = under.clearance_m(&view).max(LOWEST_M);

@@ -13,9 +13,9 @@
 
 use crate::app::error::Failure;
 use crate::app::measure::bench::Bench;
-use crate::geo::{Camera, Geodetic, WGS84_A_M, WGS84_B_M};
-use crate::terrain::clipmap::post_position;
+use crate::geo::{Camera, WGS84_A_M, WGS84_B_M};
 use crate::terrain::scene::FrameFigures;
+use crate::terrain::under::Under;
 use glam::DVec3;
 
 /// Terrain lies nowhere lower than this below the lowest height of its source: geoid and rounding, metres.
@@ -39,73 +39,12 @@ pub fn holes(
         .chunks_exact(4)
         .map(|p| p[3] != 0)
         .collect();
-    if Under::of(bench, &camera.eye).is_some_and(|u| u.top_m >= camera.eye.height_ellipsoid.0) {
+    let under = bench.terrain.scene().and_then(Under::of);
+    if under.is_some_and(|u| u.top_m >= camera.eye.height_ellipsoid.0) {
         return Ok(0);
     }
     let lowest_m = figures.settled.then_some(lowest_m);
     Ok(holes_of(camera, &covered, lowest_m))
-}
-
-/// The ground under the eye as the planned view draws it: of the finest level drawn, which in a small picture may be a
-/// coarse one.
-#[derive(Clone, Copy, Debug)]
-pub struct Under {
-    /// No lower than the drawn surface, whatever the blend, metres above the ellipsoid.
-    pub top_m: f64,
-    /// The steepest that the surface is there, metres a metre.
-    pub slope: f64,
-}
-
-impl Under {
-    /// Under an eye; `None` where nothing is drawn there.
-    #[must_use]
-    pub fn of(bench: &Bench, eye: &Geodetic) -> Option<Self> {
-        let scene = bench.terrain.scene()?;
-        let finest = scene.plan().levels.first()?;
-        let (grid, streamer, heights) = (scene.grid(), scene.streamer(), scene.heights());
-        let (longitude, latitude) = scene
-            .partition()
-            .from_geodetic(eye.longitude.to_degrees(), eye.latitude.to_degrees());
-        let (x, y) = post_position(grid, finest.level, longitude, latitude);
-        // The column of this turn of the Earth.
-        let around = f64::from(grid.posts_around() >> finest.level);
-        let x = x + around * ((f64::from(finest.window.i) - x) / around).round();
-        let cells = finest.cells;
-        let first = |v: f64, origin: i32| {
-            let post = post_of(v);
-            (origin + 1..origin + cells - 1)
-                .contains(&post)
-                .then_some(post)
-        };
-        let (i, j) = (first(x, finest.window.i)?, first(y, finest.window.j)?);
-        let top = streamer.top_code(finest.level, (i, j), (i + 1, j + 1));
-        let around = |di: i32, dj: i32| streamer.floor_code(finest.level, i + di, j + dj);
-        let floor = (0..16).map(|k| around(k % 4 - 1, k / 4 - 1)).min()?;
-        let highest = streamer.top_code(finest.level, (i - 1, j - 1), (i + 2, j + 2));
-        let spacing_m = grid.spacing_deg(finest.level).to_radians() * WGS84_B_M;
-        let narrow = latitude.to_radians().cos().max(0.02);
-        Some(Self {
-            top_m: heights.decode(top),
-            slope: f64::from(highest - floor) * heights.unit_m / (spacing_m * narrow),
-        })
-    }
-
-    /// How high above `top_m` an eye must be for none of the surface to be nearer than the picture's beginning.
-    #[must_use]
-    pub fn clearance_m(&self, camera: &Camera) -> f64 {
-        let half = |side: u32| f64::from(side) / 2.0 / camera.focal_px();
-        let (across, up) = (half(camera.width_px), half(camera.height_px));
-        let corner_m = NEAR_M * (1.0 + across * across + up * up).sqrt();
-        corner_m * self.slope.hypot(1.0)
-    }
-}
-
-/// Where the picture begins, metres before the eye: a little more than drawing's 0.2 m.
-const NEAR_M: f64 = 0.21;
-
-#[expect(clippy::cast_possible_truncation, reason = "a post number on Earth")]
-fn post_of(v: f64) -> i32 {
-    v.floor() as i32
 }
 
 /// How many of the pixels that are not `covered` are holes; `lowest_m`: height of the lowest terrain where it is drawn as far

@@ -104,7 +104,7 @@ impl TerrainRenderer {
         with.target.bind();
         shader.program.bind();
         buffers.table().bind(TABLE);
-        self.set_frame(shader, scene, &Look::BARE);
+        self.set_frame(shader, scene, [1.0, 1.0], &Look::BARE);
         let corners = pattern_numbers(scene.settings().shape);
         let levels = &scene.plan().levels;
         for level in levels.iter().filter(|level| level.blocks.1 > 0) {
