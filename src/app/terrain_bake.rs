@@ -268,6 +268,12 @@ fn bake_failure(error: BakeError) -> Failure {
             &error,
             "give one for each file without a place of its own, in their order",
         ),
+        BakeError::ThinAir { ref coarse, .. } => Failure::new(
+            Kind::Usage,
+            coarse.display(),
+            &error,
+            "cut with --region around the fine files, or bake it to a pack of its own",
+        ),
         BakeError::NothingInRegion => Failure::new(
             Kind::Usage,
             "--region",

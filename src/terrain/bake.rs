@@ -114,6 +114,21 @@ pub enum BakeError {
         /// Places that the user gave.
         places: usize,
     },
+    /// A coarse input would be interpolated to far more posts than it has samples.
+    #[error(
+        "its {samples} samples would become {posts} posts at the {} arc seconds of the finest file",
+        3600.0 / f64::from(*.posts_per_degree)
+    )]
+    ThinAir {
+        /// The coarse input.
+        coarse: PathBuf,
+        /// The posts it would be baked to.
+        posts: u64,
+        /// The samples it has.
+        samples: u64,
+        /// The grid's.
+        posts_per_degree: u32,
+    },
     /// No input has posts in the region.
     #[error("no input has posts in the region")]
     NothingInRegion,

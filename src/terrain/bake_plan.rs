@@ -14,6 +14,11 @@ use std::sync::atomic::Ordering;
 /// How many times finer than the grid an input may be, so that "about 1 arc second" takes the 1" grid.
 const FINER_BY: f64 = 1.1;
 
+/// A bake of more posts than this is refused if that is over [`POSTS_PER_SAMPLE_MAX`] times what was measured: interpolation
+/// of a coarse file of the whole Earth to the spacing of one fine tile would run for days.
+const POSTS_FREE: u64 = 2_000_000_000;
+const POSTS_PER_SAMPLE_MAX: u64 = 100;
+
 /// What all parts of a bake share.
 pub(crate) struct Plan {
     pub(crate) grid: Grid,
@@ -69,6 +74,8 @@ pub(crate) fn survey(job: &Job<'_>) -> Result<Plan, BakeError> {
         })
         .collect();
     inputs.sort_by(Input::precedence);
+    let region = job.region.as_ref().and_then(|r| posts_of(grid, r));
+    refuse_thin_air(grid, &inputs, region.as_ref())?;
     Ok(Plan {
         grid,
         scale: scale(&inputs, job.heights),
@@ -177,6 +184,39 @@ impl Input {
         let place = |i: &Self| (i.rect.south, i.rect.west, i.name());
         finer.then_with(|| place(self).cmp(&place(other)))
     }
+}
+
+/// Refuses a bake of very many posts most of which would be interpolated.
+fn refuse_thin_air(
+    grid: Grid,
+    inputs: &[Input],
+    region: Option<&PostRect>,
+) -> Result<(), BakeError> {
+    let turn = grid.posts_around();
+    let posts = |i: &Input| {
+        let rect = match region {
+            Some(region) => [0, -turn]
+                .into_iter()
+                .find_map(|shift| i.rect.shifted(shift).intersection(region)),
+            None => Some(i.rect),
+        };
+        let side = |from: i32, to: i32| u64::from(to.abs_diff(from)) + 1;
+        rect.map_or(0, |r| side(r.west, r.east) * side(r.south, r.north))
+    };
+    let Some(widest) = inputs.iter().max_by_key(|i| posts(i)) else {
+        return Ok(());
+    };
+    let samples = |i: &Input| (i.geometry.columns as u64).saturating_mul(i.geometry.rows as u64);
+    let (wanted, measured) = (posts(widest), samples(widest));
+    if wanted > POSTS_FREE && wanted / measured.max(1) > POSTS_PER_SAMPLE_MAX {
+        return Err(BakeError::ThinAir {
+            coarse: widest.path.clone(),
+            posts: wanted,
+            samples: measured,
+            posts_per_degree: grid.posts_per_degree,
+        });
+    }
+    Ok(())
 }
 
 /// Where each input was said to lie: the plain grids among them take the given places in turn. None is given where all of
