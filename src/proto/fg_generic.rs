@@ -250,6 +250,8 @@ pub struct FgGeneric {
     is_torn: bool,
     /// Whether what comes up to the next line end is a stream's first, of which nobody has seen the beginning.
     is_first: bool,
+    /// Whether anything has come since the stream was opened.
+    has_begun: bool,
 }
 
 impl FgGeneric {
@@ -261,7 +263,8 @@ impl FgGeneric {
             framer: Framer::new(),
             counters: Counters::default(),
             is_torn: false,
-            is_first: true,
+            is_first: false,
+            has_begun: false,
         }
     }
 }
@@ -295,11 +298,18 @@ impl Decoder for FgGeneric {
             counters,
             is_torn,
             is_first,
+            has_begun,
         } = self;
-        *is_first |= matches!(frame.wire, Wire::Stream([]));
-        *is_first &= !matches!(frame.wire, Wire::Datagram(_));
-        if *is_first && bytes.first().is_some_and(|b| is_line_end(*b)) {
-            *is_first = false;
+        match frame.wire {
+            Wire::Stream([]) => {
+                framer.finish(look, &mut |piece| counters.count_piece(&piece));
+                *has_begun = false;
+            }
+            Wire::Stream([first, ..]) if !*has_begun => {
+                (*has_begun, *is_first) = (true, !is_line_end(*first));
+            }
+            Wire::Stream(_) => {}
+            _ => (*has_begun, *is_first) = (true, false),
         }
         for bytes in [bytes, end] {
             framer.push(frame.at, bytes, look, &mut |piece| {
