@@ -82,11 +82,11 @@ fn a_leap_is_refilled_within_fifteen_frames() {
     let mut scene = scene(255, 131_072, Land::new(1200, sea));
     settle(&mut scene, &camera(46.0, 8.0, 3000.0), &mut |_| ());
     // By way of somewhere else: two leaps in two frames are no speed either.
-    frame(&mut scene, &camera(20.0, -60.0, 3000.0), 60);
+    frame(&mut scene, &camera(20.0, -60.0, 3000.0), 150);
     let there = camera(-20.0, 100.0, 3000.0);
     let mut frames = 1;
     // Slow enough for an unoptimised streaming thread on a busy machine: what is counted is what quotas and queues take.
-    while !frame(&mut scene, &there, 60).settled && frames < 200 {
+    while !frame(&mut scene, &there, 150).settled && frames < 200 {
         frames += 1;
     }
     let figures = scene.figures();
