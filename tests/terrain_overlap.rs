@@ -169,7 +169,7 @@ fn the_margin_of_a_finer_input_is_no_void() {
 fn a_coarse_world_is_not_blown_up_to_the_spacing_of_one_fine_tile() {
     let folder = support::scratch_dir("overlap_world");
     let (world, fine) = (folder.join("world.tif"), folder.join("fine.tif"));
-    write_tiff(&world, (360, 180), (-179.5, 89.5), 1.0, &[0; 360 * 180]);
+    write_tiff(&world, (360, 180), (-179.5, 89.5), 1.0, &vec![0; 360 * 180]);
     sheet(&fine, 1, 21, (0, 0), |_, _| 500);
     let e = baked(&[world.clone(), fine], &folder.join("out.pack"))
         .expect_err("93 thousand million posts");
