@@ -337,6 +337,7 @@ fn different(some: &[f32], others: &[f32]) -> usize {
 fn what_is_left_out_behind_ridges_would_not_have_shown() {
     let (gpu, _screen) = gpu(WIDTH, HEIGHT);
     let mut dice = Dice(23);
+    let (mut left_out, mut all) = (0, 0);
     for (formula, vertices) in [(mountains as Formula, 255), (cliffs, 127), (mountains, 63)] {
         let mut lazy = Booth::new(&gpu, vertices, Arc::new(Land::new(1200, formula)));
         let mut busy = Booth::with(
@@ -347,7 +348,6 @@ fn what_is_left_out_behind_ridges_would_not_have_shown() {
             },
             Arc::new(Land::new(1200, formula)),
         );
-        let (mut left_out, mut all) = (0, 0);
         for k in 0..poses(9) {
             let near = [(-32.6, -70.3), (46.0, 8.0), (82.0, 30.0)][k % 3];
             let mut camera = pose(&mut dice, &mut lazy, near, 2.0);
@@ -367,8 +367,9 @@ fn what_is_left_out_behind_ridges_would_not_have_shown() {
                 busy.settle(&camera);
             }
         }
-        assert!(left_out < all, "{left_out} of {all} triangles");
     }
+    // In one pose and another nothing may be hidden.
+    assert!(left_out < all, "{left_out} of {all} triangles");
 }
 
 #[test]
