@@ -271,5 +271,5 @@ fn what_cannot_be_measured_is_named_in_one_line() {
         run(&["accuracy", "--json", "/nowhere/figures.json"]),
         Some(1)
     );
-    assert_eq!(run(&["codec"]), Some(2));
+    assert_eq!(run(&["codec", "nowhere.hgt"]), Some(3));
 }
