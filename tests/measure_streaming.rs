@@ -51,6 +51,10 @@ fn the_flights_are_as_fast_and_as_high_as_they_are_called() {
 
 #[test]
 fn the_command_gives_its_figures_and_holds_the_quota() {
+    if support::is_emulated() {
+        support::skip("minutes under emulation; nothing in it depends on the machine");
+        return;
+    }
     let file = support::scratch_dir("measure_streaming").join("streaming.json");
     let output = support::glasswing_command()
         .args([
