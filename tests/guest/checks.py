@@ -311,8 +311,8 @@ def a_can_interface_that_is_not_there_is_named_and_waited_for(bench):
     adahrs = source("adahrs", "canaerospace", 'can = "can9"')
     said = refusals(bench, "missing", adahrs)
     demand("source[0].can: can can9: there is no such interface (" in said, said)
-    job = bench.guest.start(f"{bench.program} run --board /exchange/missing.toml --seconds 20 --stats /exchange/missing.json")
-    bench.succeed("sleep 3 && ip link add can9 type vcan && ip link set can9 up")
+    job = bench.guest.start(f"{bench.program} run --board /exchange/missing.toml --seconds 30 --stats /exchange/missing.json")
+    bench.succeed("sleep 8 && ip link add can9 type vcan && ip link set can9 up")
     job.wait(PATIENCE_S)
     bench.succeed("ip link delete can9")
     warned = [line for line in job.output().splitlines() if "can can9: there is no such interface" in line]
