@@ -139,7 +139,7 @@ fn grids_that_cannot_be_placed_are_refused() {
         &[place, place],
         &grid,
         2,
-        &["--bounds", "2 places", "1 plain"],
+        &["--bounds", "2 times", "1 of the files"],
     );
     refused(&["--bounds=47,7,46,8"], &grid, 2, &["--bounds"]);
     refused(&[place, "--unit", "0"], &grid, 2, &["--unit"]);

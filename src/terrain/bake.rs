@@ -97,6 +97,24 @@ pub struct Seam {
     pub posts: u64,
 }
 
+impl Seam {
+    /// A disagreement whose inputs are known by number; `path` gives their names.
+    pub(crate) fn of<'a>(
+        d: &Disagreement,
+        grid: Grid,
+        path: impl Fn(usize) -> &'a PathBuf,
+    ) -> Self {
+        Self {
+            taken: path(d.taken).clone(),
+            other: path(d.other).clone(),
+            difference_m: d.difference_m,
+            latitude_deg: grid.latitude_deg(0, d.post.1),
+            longitude_deg: grid.longitude_deg(0, d.post.0),
+            posts: d.posts,
+        }
+    }
+}
+
 /// Why a bake ended without a pack.
 #[derive(Debug, thiserror::Error)]
 pub enum BakeError {
@@ -107,7 +125,7 @@ pub enum BakeError {
     #[error("is given twice")]
     Twice(PathBuf),
     /// There are more places given than plain grids, or fewer.
-    #[error("{places} places are given for {files} plain grids")]
+    #[error("it is given {places} times, and {files} of the files are plain grids")]
     Places {
         /// Files that do not say where they lie.
         files: usize,
@@ -224,7 +242,10 @@ pub(crate) fn bake_region(
         progress,
     )
     .map_err(|e| e.map_or(BakeError::Stopped, failed))?;
-    let seams = found.iter().map(|d| seam(grid, inputs, d)).collect();
+    let seams = found
+        .iter()
+        .map(|d| Seam::of(d, grid, |at| &inputs[at].path))
+        .collect();
     Ok(Report { info, seams })
 }
 
@@ -361,16 +382,5 @@ fn merge(all: &mut Vec<Disagreement>, found: Vec<Disagreement>) {
             Some(a) => a.add(d.difference_m, d.post, d.posts),
             None => all.push(d),
         }
-    }
-}
-
-fn seam(grid: Grid, inputs: &[Input], d: &Disagreement) -> Seam {
-    Seam {
-        taken: inputs[d.taken].path.clone(),
-        other: inputs[d.other].path.clone(),
-        difference_m: d.difference_m,
-        latitude_deg: grid.latitude_deg(0, d.post.1),
-        longitude_deg: grid.longitude_deg(0, d.post.0),
-        posts: d.posts,
     }
 }

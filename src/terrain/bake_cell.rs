@@ -68,21 +68,11 @@ pub struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    /// The posts of the cell whose south-west corner is at (`latitude`, `longitude`) degrees. Layers come in order of
+    /// The posts of the `cell` by its south-west corner, degrees of latitude and longitude. Layers come in order of
     /// precedence: where several cover a post, the first with a height there gives it.
     #[must_use]
-    pub fn cell(
-        &self,
-        (latitude, longitude): (i32, i32),
-        layers: &[Layer<'_>],
-    ) -> (Block, Vec<Disagreement>) {
-        let posts = self.grid.posts_per_degree.cast_signed();
-        let degree = PostRect {
-            south: latitude * posts,
-            west: longitude * posts,
-            north: latitude * posts + posts - 1,
-            east: longitude * posts + posts - 1,
-        };
+    pub fn cell(&self, cell: (i32, i32), layers: &[Layer<'_>]) -> (Block, Vec<Disagreement>) {
+        let degree = self.grid.degree(cell);
         let own = self.covered(&degree, layers.iter().filter_map(|l| l.own));
         // The window does not depend on the region, so that neither do lakes and filled voids.
         let window = self.covered(&degree, layers.iter().map(|l| l.rect));

@@ -79,6 +79,19 @@ impl Grid {
         self.longitude_deg(level, j)
     }
 
+    /// The posts that the degree cell with this south-west corner (latitude, longitude; degrees) owns: those of its northern
+    /// and eastern edges belong to neighbours.
+    #[must_use]
+    pub const fn degree(&self, (latitude, longitude): (i32, i32)) -> PostRect {
+        let posts = self.posts_per_degree.cast_signed();
+        PostRect {
+            south: latitude * posts,
+            west: longitude * posts,
+            north: latitude * posts + posts - 1,
+            east: longitude * posts + posts - 1,
+        }
+    }
+
     /// Level-0 posts around a circle of latitude, 360 degrees.
     #[must_use]
     pub const fn posts_around(&self) -> i32 {

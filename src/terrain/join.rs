@@ -114,7 +114,10 @@ pub fn join(job: &Job<'_>, progress: &mut dyn FnMut(usize, usize)) -> Result<Rep
         progress,
     )
     .map_err(|e| e.map_or(JoinError::Stopped, failed))?;
-    let seams = seams.iter().map(|d| seam(grid, &shards, d)).collect();
+    let seams = seams
+        .iter()
+        .map(|d| Seam::of(d, grid, |at| &shards[at].path))
+        .collect();
     Ok(Report { info, seams })
 }
 
@@ -212,17 +215,6 @@ const fn beside(a: &PostRect, b: &PostRect) -> bool {
         || (rows && a.west <= b.east + 1 && b.west <= a.east + 1)
 }
 
-fn seam(grid: Grid, shards: &[Shard], d: &Disagreement) -> Seam {
-    Seam {
-        taken: shards[d.taken].path.clone(),
-        other: shards[d.other].path.clone(),
-        difference_m: d.difference_m,
-        latitude_deg: grid.latitude_deg(0, d.post.1),
-        longitude_deg: grid.longitude_deg(0, d.post.0),
-        posts: d.posts,
-    }
-}
-
 /// Puts degree cells together.
 struct Table {
     grid: Grid,
@@ -247,17 +239,11 @@ impl Table {
     /// The posts of a degree cell.
     fn cell(
         &mut self,
-        (latitude, longitude): (i32, i32),
+        cell: (i32, i32),
         shards: &[Shard],
         seams: &mut Vec<Disagreement>,
     ) -> Result<Block, JoinError> {
-        let posts = self.grid.posts_per_degree.cast_signed();
-        let degree = PostRect {
-            south: latitude * posts,
-            west: longitude * posts,
-            north: latitude * posts + posts - 1,
-            east: longitude * posts + posts - 1,
-        };
+        let degree = self.grid.degree(cell);
         let turn = self.grid.posts_around();
         let parts: Vec<(usize, Vec<PostRect>)> = shards
             .iter()
